@@ -1,0 +1,125 @@
+//! Layout of wire types as data: what both ends of a wire compare before they talk.
+//!
+//! iceoryx2 checks a payload's name, size and alignment; two builds that swapped two fields of the
+//! same size would still connect. The layout hash covers names, types, order and offsets, and
+//! travels as a service attribute, so such a pair is refused with both sides named.
+
+/// A plain value a wire message may consist of: integers, `f64`, arrays and structs of them.
+pub trait WireField: Copy + 'static {
+    /// Name of the scalar or struct type, C-like and stable.
+    const TYPE: &'static str;
+    /// Number of elements; 1 unless it is an array.
+    const LEN: usize;
+    /// The all-zero value.
+    const ZERO: Self;
+}
+
+macro_rules! scalar {
+    ($($t:ty = $zero:expr),*) => {$(
+        impl WireField for $t {
+            const TYPE: &'static str = stringify!($t);
+            const LEN: usize = 1;
+            const ZERO: Self = $zero;
+        }
+    )*};
+}
+scalar!(u8 = 0, u64 = 0, i64 = 0, f64 = 0.0);
+
+impl<T: WireField, const N: usize> WireField for [T; N] {
+    const TYPE: &'static str = T::TYPE;
+    const LEN: usize = N * T::LEN;
+    const ZERO: Self = [T::ZERO; N];
+}
+
+/// One field of a wire message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Field name.
+    pub name: &'static str,
+    /// Element type.
+    pub type_name: &'static str,
+    /// Number of elements.
+    pub len: usize,
+    /// Byte offset in the struct.
+    pub offset: usize,
+}
+
+/// A `repr(C)` message that may lie in shared memory.
+///
+/// # Safety
+///
+/// The type must be `repr(C)`, without padding, and valid for every bit pattern. The
+/// [`wire_message!`](crate::wire_message) macro, the only implementor, checks all three at compile
+/// time: fields are [`WireField`]s, and their sizes add up to the size of the struct.
+#[allow(unsafe_code)]
+pub unsafe trait WireMessage: WireField {
+    /// Versioned name, e.g. `hilare/Pose/v1`.
+    const NAME: &'static str;
+    /// The fields in order.
+    const FIELDS: &'static [Field];
+    /// Hash over the name and the fields.
+    const LAYOUT_HASH: u64 = layout_hash(Self::NAME, Self::FIELDS);
+}
+
+const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0000_0100_0000_01b3);
+        i += 1;
+    }
+    // A separator, so that ("ab", "c") and ("a", "bc") differ.
+    (hash ^ 0xff).wrapping_mul(0x0000_0100_0000_01b3)
+}
+
+/// FNV-1a over the message's name and each field's name, type, length and offset.
+pub const fn layout_hash(name: &str, fields: &[Field]) -> u64 {
+    let mut hash = fnv1a(0xcbf2_9ce4_8422_2325, name.as_bytes());
+    let mut i = 0;
+    while i < fields.len() {
+        hash = fnv1a(hash, fields[i].name.as_bytes());
+        hash = fnv1a(hash, fields[i].type_name.as_bytes());
+        hash = fnv1a(hash, &(fields[i].len as u64).to_le_bytes());
+        hash = fnv1a(hash, &(fields[i].offset as u64).to_le_bytes());
+        i += 1;
+    }
+    hash
+}
+
+/// Declares a wire message: a `repr(C)` struct, its versioned name and its layout.
+#[macro_export]
+macro_rules! wire_message {
+    ($(#[$doc:meta])* $name:ident = $wire_name:literal { $($(#[$fdoc:meta])* $field:ident : $type:ty,)* }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name { $($(#[$fdoc])* pub $field: $type,)* }
+
+        impl $crate::layout::WireField for $name {
+            const TYPE: &'static str = $wire_name;
+            const LEN: usize = 1;
+            const ZERO: Self = Self { $($field: <$type as $crate::layout::WireField>::ZERO,)* };
+        }
+
+        impl Default for $name {
+            fn default() -> Self { <Self as $crate::layout::WireField>::ZERO }
+        }
+
+        // SAFETY: repr(C); every field is a WireField (any bit pattern is a value); the assertion
+        // below refuses padding.
+        #[allow(unsafe_code)]
+        unsafe impl $crate::layout::WireMessage for $name {
+            const NAME: &'static str = $wire_name;
+            const FIELDS: &'static [$crate::layout::Field] = &[$($crate::layout::Field {
+                name: stringify!($field),
+                type_name: <$type as $crate::layout::WireField>::TYPE,
+                len: <$type as $crate::layout::WireField>::LEN,
+                offset: core::mem::offset_of!($name, $field),
+            },)*];
+        }
+
+        const _: () = assert!(
+            core::mem::size_of::<$name>() == 0 $(+ core::mem::size_of::<$type>())*,
+            concat!(stringify!($name), " has padding: reorder or widen its fields"),
+        );
+    };
+}

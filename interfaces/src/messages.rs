@@ -1,0 +1,422 @@
+//! The messages on the wires: `repr(C)`, 64-bit integers and `f64` only, versioned, layout-hashed.
+//!
+//! Codes are integers on the wire and enums inside; what arrives is checked where it is decoded,
+//! because the other end may be any program.
+
+use crate::block::Tick;
+use crate::chassis::MAX_WHEELS;
+use crate::geometry::{BodyTwist, WorldPoint, WorldPose};
+use crate::latency::LatencyHistogram;
+use crate::wire_message;
+
+/// Coming waypoints a [`Reference`] carries beyond the current one.
+pub const PREVIEW: usize = 32;
+/// Most waypoints a path may have.
+pub const MAX_WAYPOINTS: usize = 65_536;
+/// Bytes of text in [`Health`] and [`Answer`].
+pub const TEXT_BYTES: usize = 160;
+
+wire_message! {
+    /// A waypoint in the world frame, metres.
+    Waypoint = "hilare/Waypoint/v1" {
+        /// World x, m.
+        x_m: f64,
+        /// World y, m.
+        y_m: f64,
+    }
+}
+
+wire_message! {
+    /// Header of a goal; its payload is the waypoints to follow, or the one point to go to.
+    GoalHeader = "hilare/GoalHeader/v1" {
+        /// Chosen by the sender; the answer repeats it.
+        goal_id: u64,
+        /// A [`GoalKind`].
+        kind: u64,
+        /// Wanted final heading, rad; valid if `has_heading` is 1.
+        heading_rad: f64,
+        /// 1 if a final heading is wanted, else 0.
+        has_heading: u64,
+    }
+}
+
+wire_message! {
+    /// The planner's answer to a goal.
+    Answer = "hilare/Answer/v1" {
+        /// The goal it answers.
+        goal_id: u64,
+        /// 1 accepted, 0 refused.
+        accepted: u64,
+        /// Waypoints of the path that was published.
+        waypoints: u64,
+        /// UTF-8 reason, zero-padded.
+        text: [u8; TEXT_BYTES],
+    }
+}
+
+wire_message! {
+    /// Header of a path; its payload is the waypoints, the first being where the path begins.
+    PathHeader = "hilare/PathHeader/v1" {
+        /// Counts up with every new path of a robot.
+        path_id: u64,
+        /// The goal that asked for it; 0 for the system's own.
+        goal_id: u64,
+    }
+}
+
+wire_message! {
+    /// What the robot should track, from the waypoint selector, once a control period.
+    Reference = "hilare/Reference/v1" {
+        /// Tick of the pose it was chosen on.
+        tick: u64,
+        /// A [`ReferenceState`].
+        state: u64,
+        /// The path it belongs to.
+        path_id: u64,
+        /// Index of the current waypoint, k; waypoint 0 is where the path begins.
+        index: u64,
+        /// Waypoints of the path.
+        total: u64,
+        /// Reference speed v_r, m/s.
+        speed_mps: f64,
+        /// Waypoint k − 1.
+        last: Waypoint,
+        /// Waypoint k.
+        current: Waypoint,
+        /// Valid entries of `preview`.
+        preview_len: u64,
+        /// Waypoints k + 1, k + 2, …
+        preview: [Waypoint; PREVIEW],
+    }
+}
+
+wire_message! {
+    /// A velocity command of one controller for one control period.
+    Command = "hilare/Command/v1" {
+        /// Which controller.
+        source: u64,
+        /// The authority epoch it was started under.
+        epoch: u64,
+        /// Counts up by one a command.
+        seq: u64,
+        /// Tick of the pose it was computed from.
+        pose_tick: u64,
+        /// Tick from which it acts (logical execution time).
+        effective_tick: u64,
+        /// Forward speed, m/s, before the input constraints.
+        vx_mps: f64,
+        /// Sideways speed, m/s.
+        vy_mps: f64,
+        /// Yaw rate, rad/s.
+        omega_radps: f64,
+        /// 1 if the law had to fall back (health says why), else 0.
+        degraded: u64,
+    }
+}
+
+wire_message! {
+    /// Who may drive, from launch to the step generator; also launch's lease.
+    Authority = "hilare/Authority/v1" {
+        /// Counts up with every message, so that a stale one is seen.
+        seq: u64,
+        /// A [`Mode`].
+        mode: u64,
+        /// The controller in charge; 0 is none.
+        source: u64,
+        /// Its epoch.
+        epoch: u64,
+    }
+}
+
+wire_message! {
+    /// State of the step generator after a tick.
+    Steps = "hilare/Steps/v1" {
+        /// Ticks executed; message n follows the n-th tick, message 0 precedes the first.
+        tick: u64,
+        /// Cumulative signed steps a wheel.
+        counts: [i64; MAX_WHEELS],
+        /// Commanded wheel speeds after the input constraints, rad/s.
+        wheel_speed_radps: [f64; MAX_WHEELS],
+        /// Commanded twist after the input constraints: m/s, m/s, rad/s.
+        twist: [f64; 3],
+        /// A [`Drive`]: why the wheels turn as they do.
+        drive: u64,
+        /// Controller whose command acts; 0 is none.
+        source: u64,
+        /// Epoch of the authority in force.
+        epoch: u64,
+        /// Commands that came after their effective tick.
+        commands_late: u64,
+        /// Commands refused: invalid, of the wrong source or epoch, old.
+        commands_rejected: u64,
+        /// Control cycles that had no command of their own.
+        cycles_without_command: u64,
+        /// Wake-ups a tick or more late.
+        ticks_late: u64,
+        /// Whole ticks lost to such pauses.
+        paused_ticks: u64,
+        /// Longest single pause, ticks.
+        paused_max_ticks: u64,
+    }
+}
+
+wire_message! {
+    /// Estimated pose of the robot.
+    Pose = "hilare/Pose/v1" {
+        /// Ticks executed when the pose held.
+        tick: u64,
+        /// World x, m.
+        x_m: f64,
+        /// World y, m.
+        y_m: f64,
+        /// Heading, rad, not wrapped.
+        theta_rad: f64,
+    }
+}
+
+wire_message! {
+    /// True pose of the simulated robot, as the overhead camera sees it; not for the control path.
+    Truth = "hilare/Truth/v1" {
+        /// Ticks executed when the pose held.
+        tick: u64,
+        /// World x, m.
+        x_m: f64,
+        /// World y, m.
+        y_m: f64,
+        /// Heading, rad, not wrapped.
+        theta_rad: f64,
+    }
+}
+
+wire_message! {
+    /// How a process fares, 20 times a second.
+    Health = "hilare/Health/v1" {
+        /// Its slot in the system.
+        slot: u64,
+        /// Its process id.
+        pid: u64,
+        /// A [`HealthState`].
+        state: u64,
+        /// Newest tick it has worked on.
+        tick: u64,
+        /// Steps taken.
+        steps: u64,
+        /// Messages that were missing or refused at the rim.
+        rejected: u64,
+        /// Granted scheduling policy: 0 other, 1 FIFO.
+        granted_fifo: u64,
+        /// Granted real-time priority.
+        granted_priority: u64,
+        /// 1 + the processor it is pinned to; 0 when not pinned.
+        granted_cpu: u64,
+        /// 1 if its memory is locked.
+        granted_mlock: u64,
+        /// Wake-up lateness (step generator) or time of a step (others), ns.
+        latency: LatencyHistogram,
+        /// UTF-8 reason, zero-padded.
+        text: [u8; TEXT_BYTES],
+    }
+}
+
+/// Declares an enum with its wire code and a checked decode.
+macro_rules! code_enum {
+    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $code:literal, $label:literal;)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$vdoc])* $variant = $code,)* }
+
+        impl $name {
+            /// The code on the wire.
+            pub const fn code(self) -> u64 { self as u64 }
+
+            /// The meaning of a code, `None` if it has none.
+            pub const fn from_code(code: u64) -> Option<Self> {
+                match code { $($code => Some(Self::$variant),)* _ => None }
+            }
+
+            /// One word for people.
+            pub const fn label(self) -> &'static str {
+                match self { $(Self::$variant => $label,)* }
+            }
+        }
+    };
+}
+
+code_enum! {
+    /// What a goal asks for.
+    GoalKind {
+        /// Go to the one point of the payload.
+        Point = 1, "point";
+        /// Follow the payload's waypoints.
+        Follow = 2, "follow";
+    }
+}
+
+code_enum! {
+    /// What a reference says.
+    ReferenceState {
+        /// No path yet.
+        Idle = 0, "idle";
+        /// Under way to waypoint k.
+        Tracking = 1, "tracking";
+        /// The last waypoint was accepted.
+        Arrived = 2, "arrived";
+    }
+}
+
+code_enum! {
+    /// What the operator (through launch) wants the step generator to do.
+    Mode {
+        /// Outputs stay still until armed.
+        Disarmed = 0, "disarmed";
+        /// Commands of the source in authority act.
+        Armed = 1, "armed";
+        /// Ramp to a stop within the acceleration limit and stay.
+        Stop = 2, "stop";
+        /// Stop at once; latched until reset.
+        EStop = 3, "e-stop";
+    }
+}
+
+code_enum! {
+    /// Why the wheels turn as they do.
+    Drive {
+        /// Not armed.
+        Disarmed = 0, "disarmed";
+        /// A command of its own cycle acts.
+        Command = 1, "driving";
+        /// Nothing new: the last command is held.
+        Hold = 2, "holding the last command";
+        /// Nothing for too long: ramping to zero, then still.
+        Ramp = 3, "stopping for want of commands";
+        /// Stop was asked for.
+        Stop = 4, "stopped";
+        /// Emergency stop.
+        EStop = 5, "e-stop";
+        /// Launch's lease ran out.
+        LeaseLost = 6, "stopped: launch is gone";
+        /// A single pause was longer than the policy allows.
+        PauseStop = 7, "stopped: paused for too long";
+    }
+}
+
+code_enum! {
+    /// State of a process.
+    HealthState {
+        /// Opening its ports.
+        Starting = 0, "starting";
+        /// Connected, waiting.
+        Ready = 1, "ready";
+        /// At work.
+        Running = 2, "running";
+        /// At work with less than it should have; the text says what.
+        Degraded = 3, "degraded";
+        /// Ended itself; the text says why.
+        Fault = 4, "fault";
+    }
+}
+
+impl Waypoint {
+    /// As a point.
+    pub const fn point(self) -> WorldPoint {
+        WorldPoint::new(self.x_m, self.y_m)
+    }
+}
+
+impl From<WorldPoint> for Waypoint {
+    fn from(point: WorldPoint) -> Self {
+        Self { x_m: point.x_m, y_m: point.y_m }
+    }
+}
+
+impl Command {
+    /// The commanded twist, `None` unless every component is finite.
+    pub fn twist(&self) -> Option<BodyTwist> {
+        let twist = BodyTwist::new(self.vx_mps, self.vy_mps, self.omega_radps);
+        twist.is_finite().then_some(twist)
+    }
+}
+
+impl Steps {
+    /// The commanded twist after the input constraints.
+    pub const fn commanded_twist(&self) -> BodyTwist {
+        BodyTwist::new(self.twist[0], self.twist[1], self.twist[2])
+    }
+}
+
+impl Pose {
+    /// A pose at a tick.
+    pub const fn at(tick: Tick, pose: WorldPose) -> Self {
+        Self { tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
+    }
+
+    /// As a geometric pose.
+    pub const fn pose(&self) -> WorldPose {
+        WorldPose::new(self.x_m, self.y_m, self.theta_rad)
+    }
+}
+
+impl Truth {
+    /// A true pose at a tick.
+    pub const fn at(tick: Tick, pose: WorldPose) -> Self {
+        Self { tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
+    }
+
+    /// As a geometric pose.
+    pub const fn pose(&self) -> WorldPose {
+        WorldPose::new(self.x_m, self.y_m, self.theta_rad)
+    }
+}
+
+/// Text as a zero-padded field, cut at a character border.
+pub fn text_field(text: &str) -> [u8; TEXT_BYTES] {
+    let mut field = [0; TEXT_BYTES];
+    let mut end = text.len().min(TEXT_BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    field[..end].copy_from_slice(&text.as_bytes()[..end]);
+    field
+}
+
+/// The text of a field up to its first zero; invalid UTF-8 ends it.
+pub fn field_text(field: &[u8; TEXT_BYTES]) -> &str {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(TEXT_BYTES);
+    match core::str::from_utf8(&field[..end]) {
+        Ok(text) => text,
+        Err(error) => core::str::from_utf8(&field[..error.valid_up_to()]).unwrap_or(""),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::{WireMessage, layout_hash};
+
+    #[test]
+    fn swapped_fields_change_the_layout_hash() {
+        let mut fields: std::vec::Vec<_> = Pose::FIELDS.to_vec();
+        assert_eq!(layout_hash(Pose::NAME, &fields), Pose::LAYOUT_HASH);
+        let (a, b) = (fields[1].name, fields[2].name);
+        fields[1].name = b;
+        fields[2].name = a;
+        assert_ne!(layout_hash(Pose::NAME, &fields), Pose::LAYOUT_HASH);
+    }
+
+    #[test]
+    fn codes_decode_or_are_refused() {
+        assert_eq!(Mode::from_code(Mode::EStop.code()), Some(Mode::EStop));
+        assert_eq!(Mode::from_code(99), None);
+    }
+
+    #[test]
+    fn text_is_cut_at_a_character() {
+        let long: std::string::String = "µ".repeat(TEXT_BYTES);
+        assert_eq!(field_text(&text_field(&long)), &long[..TEXT_BYTES]);
+        let odd = std::format!("x{long}");
+        assert_eq!(field_text(&text_field(&odd)).len(), TEXT_BYTES - 1);
+        let mut broken = text_field("fine");
+        broken[2] = 0xff;
+        assert_eq!(field_text(&broken), "fi");
+    }
+}

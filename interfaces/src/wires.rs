@@ -1,0 +1,349 @@
+//! THE diagram: which box sends what to whom, how often, how deep the buffers are.
+//!
+//! Ports, doorbells, start order, `hilare diagram` and the README's picture read this table; there
+//! is no second list.
+
+use crate::layout::WireMessage;
+use crate::messages::{
+    Answer, Authority, Command, GoalHeader, Health, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
+};
+
+/// A box of the diagram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// The process manager, with the operator behind it.
+    Launch,
+    /// Turns goals into paths.
+    Planner,
+    /// Chooses the waypoint to track.
+    WaypointSelector,
+    /// Turns a reference and a pose into a velocity command.
+    Controller,
+    /// Turns commands into steps at 1 kHz; the clock of the system.
+    StepGenerator,
+    /// Turns steps into a pose.
+    PoseEstimator,
+    /// The simulated robot.
+    Plant,
+    /// Keeps what happened.
+    Recorder,
+}
+
+impl Role {
+    /// Every worker, in the diagram's order; launch is not one.
+    pub const WORKERS: [Self; 7] = [
+        Self::Planner,
+        Self::WaypointSelector,
+        Self::Controller,
+        Self::StepGenerator,
+        Self::PoseEstimator,
+        Self::Plant,
+        Self::Recorder,
+    ];
+
+    /// Name in commands, files and folders.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Launch => "launch",
+            Self::Planner => "planner",
+            Self::WaypointSelector => "waypoint_selector",
+            Self::Controller => "controller",
+            Self::StepGenerator => "step_generator",
+            Self::PoseEstimator => "pose_estimator",
+            Self::Plant => "plant",
+            Self::Recorder => "recorder",
+        }
+    }
+
+    /// The role of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        core::iter::once(Self::Launch).chain(Self::WORKERS).find(|role| role.name() == name)
+    }
+}
+
+/// How often a wire carries a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// Once a tick.
+    EveryTick,
+    /// Once a control period.
+    EveryPeriod,
+    /// When there is something to say.
+    OnDemand,
+    /// This many times a second.
+    Hertz(u64),
+}
+
+/// A reader of a wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reader {
+    /// Who reads.
+    pub role: Role,
+    /// True if a message is a reason for it to wake.
+    pub wakes: bool,
+}
+
+/// A wire of the diagram.
+#[derive(Clone, Copy, Debug)]
+pub struct Wire {
+    /// Name; the service is `hilare/<name>`.
+    pub name: &'static str,
+    /// Versioned message name; for slices that of the header.
+    pub message: &'static str,
+    /// Versioned element name if the payload is a slice.
+    pub element: Option<&'static str>,
+    /// Layout hash of message and element together.
+    pub layout_hash: u64,
+    /// Writers.
+    pub from: &'static [Role],
+    /// Readers.
+    pub to: &'static [Reader],
+    /// How often.
+    pub rate: Rate,
+    /// Messages a reader can be behind before it loses the oldest.
+    pub buffer: usize,
+    /// Messages a late reader still gets.
+    pub history: usize,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+const fn wakes(role: Role) -> Reader {
+    Reader { role, wakes: true }
+}
+
+const fn polls(role: Role) -> Reader {
+    Reader { role, wakes: false }
+}
+
+const ALL: &[Role] = &Role::WORKERS;
+
+/// Goals to the planner.
+pub const GOAL: Wire = Wire {
+    name: "goal",
+    message: GoalHeader::NAME,
+    element: Some(Waypoint::NAME),
+    layout_hash: GoalHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
+    from: &[Role::Launch],
+    to: &[wakes(Role::Planner)],
+    rate: Rate::OnDemand,
+    buffer: 4,
+    history: 0,
+    doc: "a point to go to, or waypoints to follow",
+};
+
+/// The planner's answers.
+pub const ANSWER: Wire = Wire {
+    name: "answer",
+    message: Answer::NAME,
+    element: None,
+    layout_hash: Answer::LAYOUT_HASH,
+    from: &[Role::Planner],
+    to: &[polls(Role::Launch)],
+    rate: Rate::OnDemand,
+    buffer: 8,
+    history: 0,
+    doc: "accepted, or why not",
+};
+
+/// Paths to the waypoint selector.
+pub const PATH: Wire = Wire {
+    name: "path",
+    message: PathHeader::NAME,
+    element: Some(Waypoint::NAME),
+    layout_hash: PathHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
+    from: &[Role::Planner],
+    to: &[wakes(Role::WaypointSelector), polls(Role::Recorder)],
+    rate: Rate::OnDemand,
+    buffer: 2,
+    history: 1,
+    doc: "waypoints in the world frame, at most 65 536",
+};
+
+/// What to track.
+pub const REFERENCE: Wire = Wire {
+    name: "reference",
+    message: Reference::NAME,
+    element: None,
+    layout_hash: Reference::LAYOUT_HASH,
+    from: &[Role::WaypointSelector],
+    to: &[wakes(Role::Controller), polls(Role::Recorder), polls(Role::Launch)],
+    rate: Rate::EveryPeriod,
+    buffer: 256,
+    history: 0,
+    doc: "last, current and coming waypoints, index, total, speed",
+};
+
+/// Velocity commands.
+pub const COMMAND: Wire = Wire {
+    name: "command",
+    message: Command::NAME,
+    element: None,
+    layout_hash: Command::LAYOUT_HASH,
+    from: &[Role::Controller],
+    to: &[polls(Role::StepGenerator)],
+    rate: Rate::EveryPeriod,
+    buffer: 64,
+    history: 0,
+    doc: "body velocity with source, epoch, seq, pose tick and effective tick",
+};
+
+/// Who may drive.
+pub const AUTHORITY: Wire = Wire {
+    name: "authority",
+    message: Authority::NAME,
+    element: None,
+    layout_hash: Authority::LAYOUT_HASH,
+    from: &[Role::Launch],
+    to: &[polls(Role::StepGenerator)],
+    rate: Rate::Hertz(20),
+    buffer: 8,
+    history: 1,
+    doc: "which source and epoch, armed / stop / e-stop; launch's lease",
+};
+
+/// Steps done.
+pub const STEPS: Wire = Wire {
+    name: "steps",
+    message: Steps::NAME,
+    element: None,
+    layout_hash: Steps::LAYOUT_HASH,
+    from: &[Role::StepGenerator],
+    to: &[wakes(Role::PoseEstimator), wakes(Role::Plant), polls(Role::Recorder), polls(Role::Launch)],
+    rate: Rate::EveryTick,
+    buffer: 1024,
+    history: 0,
+    doc: "cumulative signed counts a wheel, commanded wheel speeds",
+};
+
+/// Where the robot thinks it is.
+pub const POSE: Wire = Wire {
+    name: "pose",
+    message: Pose::NAME,
+    element: None,
+    layout_hash: Pose::LAYOUT_HASH,
+    from: &[Role::PoseEstimator],
+    to: &[
+        wakes(Role::WaypointSelector),
+        polls(Role::Controller),
+        polls(Role::Planner),
+        polls(Role::Recorder),
+        polls(Role::Launch),
+    ],
+    rate: Rate::EveryTick,
+    buffer: 1024,
+    history: 0,
+    doc: "estimated pose in the world frame",
+};
+
+/// Where the robot is.
+pub const TRUTH: Wire = Wire {
+    name: "truth",
+    message: Truth::NAME,
+    element: None,
+    layout_hash: Truth::LAYOUT_HASH,
+    from: &[Role::Plant],
+    to: &[polls(Role::Recorder)],
+    rate: Rate::EveryTick,
+    buffer: 1024,
+    history: 0,
+    doc: "true pose (overhead camera); never seen by the control path",
+};
+
+/// How everybody fares.
+pub const HEALTH: Wire = Wire {
+    name: "health",
+    message: Health::NAME,
+    element: None,
+    layout_hash: Health::LAYOUT_HASH,
+    from: ALL,
+    to: &[polls(Role::Launch)],
+    rate: Rate::Hertz(20),
+    buffer: 4,
+    history: 1,
+    doc: "state, reason, lateness, what the kernel granted",
+};
+
+/// Every wire, in the diagram's order.
+pub const WIRES: [&Wire; 10] =
+    [&GOAL, &ANSWER, &PATH, &REFERENCE, &COMMAND, &AUTHORITY, &STEPS, &POSE, &TRUTH, &HEALTH];
+
+impl Wire {
+    /// True if `role` writes this wire.
+    pub fn written_by(&self, role: Role) -> bool {
+        self.from.contains(&role)
+    }
+
+    /// True if `role` reads this wire.
+    pub fn read_by(&self, role: Role) -> bool {
+        self.to.iter().any(|reader| reader.role == role)
+    }
+
+    /// True if a message on this wire wakes `role`.
+    pub fn wakes(&self, role: Role) -> bool {
+        self.to.iter().any(|reader| reader.role == role && reader.wakes)
+    }
+}
+
+/// The order in which launch starts the workers: readers before the writers they wait for, the
+/// clock (step generator) last, so that the first tick finds everybody listening. Derived from the
+/// table: of the boxes left, next is the one with the fewest readers not yet started.
+pub fn start_order() -> [Role; Role::WORKERS.len()] {
+    let mut order = Role::WORKERS;
+    for done in 0..order.len() {
+        let (started, left) = order.split_at_mut(done);
+        let waiting = |role: Role| {
+            WIRES
+                .iter()
+                .filter(|wire| wire.written_by(role))
+                .flat_map(|wire| wire.to)
+                .filter(|reader| reader.wakes && reader.role != Role::Launch && !started.contains(&reader.role))
+                .count()
+        };
+        let clock = |role: Role| usize::from(role == Role::StepGenerator);
+        let next =
+            (0..left.len()).min_by_key(|i| (clock(left[*i]), waiting(left[*i]), *i)).unwrap_or(0);
+        left[..=next].rotate_right(1);
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_wire_has_both_ends_and_its_own_name() {
+        for (i, wire) in WIRES.iter().enumerate() {
+            assert!(!wire.from.is_empty() && !wire.to.is_empty(), "{}", wire.name);
+            assert!(wire.to.iter().all(|reader| !wire.written_by(reader.role)), "{}", wire.name);
+            assert!(WIRES[..i].iter().all(|other| other.name != wire.name), "{}", wire.name);
+        }
+    }
+
+    #[test]
+    fn the_control_path_never_sees_the_truth() {
+        let readers = TRUTH.to.iter().map(|reader| reader.role);
+        assert!(readers.clone().all(|role| matches!(role, Role::Recorder)), "{:?}", TRUTH.to);
+    }
+
+    #[test]
+    fn the_clock_starts_last_and_readers_before_the_writers_that_wake_them() {
+        let order = start_order();
+        assert_eq!(order[order.len() - 1], Role::StepGenerator);
+        for role in Role::WORKERS {
+            assert_eq!(order.iter().filter(|r| **r == role).count(), 1);
+        }
+        let place = |role| order.iter().position(|r| *r == role).unwrap();
+        assert!(place(Role::Controller) < place(Role::WaypointSelector));
+        assert!(place(Role::WaypointSelector) < place(Role::PoseEstimator));
+        assert!(place(Role::WaypointSelector) < place(Role::Planner));
+    }
+
+    #[test]
+    fn nobody_on_the_tick_waits_for_an_observer() {
+        for wire in WIRES {
+            assert!(!wire.wakes(Role::Recorder) && !wire.wakes(Role::Launch), "{}", wire.name);
+        }
+    }
+}

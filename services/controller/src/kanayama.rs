@@ -1,0 +1,70 @@
+//! Kanayama's tracking law, paper 1 eq. (5), (7) (Kanayama, Kimura, Miyazaki, Noguchi, ICRA 1990).
+//!
+//! ```text
+//!            y_e │  ● P_wk, heading θ_wk        v_c = v_r cos θ_e + k1 x_e
+//!                │ /                            ω_c = ω_r + v_r (k2 y_e + k3 sin θ_e)
+//!     robot  ────┼──────── x_e
+//! ```
+//!
+//! The target pose is the current waypoint with the heading of the segment that ends in it (6).
+//! ω_r is 0: waypoint paths consist of straight segments. The paper's gains are for millimetres;
+//! here k2 is in 1/m² and k3 in 1/m, a factor 10⁶ and 10³ larger.
+
+use crate::{ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
+use alloc::boxed::Box;
+use hilare_interfaces::geometry::{BodyError, BodyTwist, Segment, WorldPose};
+use hilare_interfaces::param_group;
+use hilare_interfaces::params::{ParamError, ParamGroup};
+
+param_group! {
+    /// Gains; the defaults are the paper's point A (table 2).
+    KanayamaGains {
+        /// Gain on the along-track error, k1.
+        k1_per_s: f64 = 0.0247, "1/s", 0.0, 5.0;
+        /// Gain on the cross-track error, k2.
+        k2_per_m2: f64 = 2.9671e6, "1/m^2", 0.0, 5e6;
+        /// Gain on the heading error, k3.
+        k3_per_m: f64 = 552.0, "1/m", 0.0, 5000.0;
+    }
+}
+
+/// Its line in the registry.
+pub const SPEC: LawSpec = LawSpec {
+    name: "kanayama",
+    title: "Kanayama's law on the current waypoint",
+    source: "Kanayama et al. 1990; Mathew & Hiremath 2018, eq. 5, 7",
+    chassis: &["differential"],
+    params: KanayamaGains::SPECS,
+    build,
+};
+
+fn build(setup: &LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)> {
+    let mut gains = KanayamaGains::default();
+    for (name, value) in setup.values {
+        gains.set(name, *value).map_err(|error| (*name, error))?;
+    }
+    Ok(Box::new(Kanayama { gains }))
+}
+
+/// The law; it has no state.
+#[derive(Clone, Copy, Debug)]
+pub struct Kanayama {
+    gains: KanayamaGains,
+}
+
+impl ControlLaw for Kanayama {
+    fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
+        let reference = inputs.reference;
+        let segment = Segment::new(reference.last.point(), reference.current.point());
+        let target = WorldPose::new(segment.to.x_m, segment.to.y_m, segment.heading_rad());
+        let error = BodyError::between(inputs.pose, target);
+        let (sin, cos) = libm::sincos(error.theta_rad);
+        let v_r = reference.speed_mps;
+        // [MH18] (7)
+        let vx_mps = v_r * cos + self.gains.k1_per_s * error.x_m;
+        let omega_radps = v_r * (self.gains.k2_per_m2 * error.y_m + self.gains.k3_per_m * sin);
+        LawOutput { twist: BodyTwist::new(vx_mps, 0.0, omega_radps), degraded: false }
+    }
+
+    fn reset(&mut self) {}
+}

@@ -1,0 +1,146 @@
+//! Control laws and their registry.
+//!
+//! A law turns a reference and a pose into a body velocity. Adding one is one file here and one line
+//! in [`LAWS`]; its [`LawSpec`] feeds the command line, the system file reader and the tests.
+#![no_std]
+
+extern crate alloc;
+#[cfg(test)]
+extern crate std;
+
+pub mod kanayama;
+
+use alloc::boxed::Box;
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::chassis::Chassis;
+use hilare_interfaces::geometry::{BodyTwist, WorldPose};
+use hilare_interfaces::messages::{Command, Pose, Reference, ReferenceState};
+use hilare_interfaces::params::{ParamError, ParamSpec};
+
+/// Every law that can be named.
+pub const LAWS: &[LawSpec] = &[kanayama::SPEC];
+
+/// The law of a name.
+pub fn law(name: &str) -> Option<&'static LawSpec> {
+    LAWS.iter().find(|law| law.name == name)
+}
+
+/// What is to be known of a law before it runs.
+#[derive(Clone, Copy)]
+pub struct LawSpec {
+    /// Name on the command line and in system files.
+    pub name: &'static str,
+    /// One line for people.
+    pub title: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+    /// Chassis it can drive ([`Chassis::name`]).
+    pub chassis: &'static [&'static str],
+    /// Its parameters.
+    pub params: &'static [ParamSpec],
+    /// Builds it.
+    pub build: fn(&LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)>,
+}
+
+/// What a law is built from.
+#[derive(Clone, Copy, Debug)]
+pub struct LawSetup<'a> {
+    /// The robot.
+    pub chassis: &'a Chassis,
+    /// Parameter values by name; what is missing has its default.
+    pub values: &'a [(&'static str, f64)],
+}
+
+/// What a law sees: the reference is under way (`Tracking`).
+#[derive(Clone, Copy, Debug)]
+pub struct LawInputs<'a> {
+    /// Estimated pose.
+    pub pose: WorldPose,
+    /// What to track.
+    pub reference: &'a Reference,
+}
+
+/// What a law answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LawOutput {
+    /// Wanted twist, before the input constraints of the step generator.
+    pub twist: BodyTwist,
+    /// True if the law had to fall back on something lesser.
+    pub degraded: bool,
+}
+
+/// A control law: called once a control period; total, without clock or allocation.
+pub trait ControlLaw: Send {
+    /// The twist for one control period.
+    fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput;
+
+    /// Forgets everything learnt since it was built.
+    fn reset(&mut self);
+}
+
+/// Who a controller process is, from launch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Its source number, from 1.
+    pub source: u64,
+    /// The epoch it was started under.
+    pub epoch: u64,
+}
+
+/// What a step reads: reference and pose of the same tick.
+#[derive(Clone, Copy, Debug)]
+pub struct ControllerInputs<'a> {
+    /// What to track.
+    pub reference: &'a Reference,
+    /// Estimated pose at `reference.tick`.
+    pub pose: &'a Pose,
+}
+
+/// The box: a law with an identity, stamping its commands.
+pub struct Controller {
+    law: Box<dyn ControlLaw>,
+    identity: Identity,
+    period_ticks: u64,
+    seq: u64,
+    path_id: u64,
+}
+
+impl Controller {
+    /// A controller whose commands act `period_ticks` after their pose.
+    pub fn new(law: Box<dyn ControlLaw>, identity: Identity, period_ticks: u64) -> Self {
+        Self { law, identity, period_ticks, seq: 0, path_id: 0 }
+    }
+}
+
+impl Block for Controller {
+    type Inputs<'a> = ControllerInputs<'a>;
+    type Output = Command;
+
+    fn step(&mut self, tick: Tick, inputs: ControllerInputs<'_>) -> Command {
+        let reference = inputs.reference;
+        if reference.path_id != self.path_id {
+            self.path_id = reference.path_id;
+            self.law.reset();
+        }
+        let output = if reference.state == ReferenceState::Tracking.code() {
+            self.law.step(LawInputs { pose: inputs.pose.pose(), reference })
+        } else {
+            LawOutput { twist: BodyTwist::ZERO, degraded: false }
+        };
+        self.seq += 1;
+        Command {
+            source: self.identity.source,
+            epoch: self.identity.epoch,
+            seq: self.seq,
+            pose_tick: tick,
+            effective_tick: tick + self.period_ticks,
+            vx_mps: output.twist.vx_mps,
+            vy_mps: output.twist.vy_mps,
+            omega_radps: output.twist.omega_radps,
+            degraded: u64::from(output.degraded),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

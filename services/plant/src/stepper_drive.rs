@@ -1,0 +1,233 @@
+//! A two-wheeled robot on stepper motors (the e-puck of paper 1), as seen by an overhead camera.
+//!
+//! ```text
+//!        left ●───────w_T───────● right      each wheel rolls s = steps · length of a step
+//!             │\       M        │            · (1 + diameter error) · (1 − slip)
+//!        s_L  │ \______●________│ s_R        the contact points move on circles about a common
+//!             ▼                 ▼            centre: M moves (s_L + s_R)/2 along an arc that turns
+//!                                            the axle by (s_R − s_L)/w_T
+//! ```
+//!
+//! The arc is followed exactly, not by Euler's rule, so truth and estimate part by the estimator's
+//! own integration error even when nothing slips.
+
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::messages::{Steps, Truth};
+use hilare_interfaces::param_group;
+
+param_group! {
+    /// What the control path does not know.
+    StepperDriveParams {
+        /// Mean share of a step's travel lost to slip, both wheels.
+        slip_mean: f64 = 0.0, "", -0.5, 0.9;
+        /// Standard deviation of that share from step to step.
+        slip_sd: f64 = 0.0, "", 0.0, 0.5;
+        /// Relative error of the right wheel's diameter.
+        wheel_error_right: f64 = 0.0, "", -0.5, 0.5;
+        /// Relative error of the left wheel's diameter.
+        wheel_error_left: f64 = 0.0, "", -0.5, 0.5;
+        /// Relative error of the track.
+        track_error: f64 = 0.0, "", -0.5, 0.5;
+        /// True start is this much ahead of the assumed one, along world x.
+        start_error_x_m: f64 = 0.0, "m", -1.0, 1.0;
+        /// True start is this much ahead of the assumed one, along world y.
+        start_error_y_m: f64 = 0.0, "m", -1.0, 1.0;
+        /// True start heading minus the assumed one.
+        start_error_theta_rad: f64 = 0.0, "rad", -3.2, 3.2;
+        /// Standard deviation of a random start error, each of x and y.
+        start_sd_m: f64 = 0.0, "m", 0.0, 1.0;
+        /// Standard deviation of a random start heading error.
+        start_sd_rad: f64 = 0.0, "rad", 0.0, 3.2;
+        /// Seed of slip and start errors.
+        seed: u64 = 1, "", 0, 9007199254740991u64;
+    }
+}
+
+/// The robot: what its maker built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Distance between the wheels' contact points, m.
+    pub track_m: f64,
+    /// Rim travel of one step, m.
+    pub step_length_m: f64,
+}
+
+/// The box.
+#[derive(Clone, Debug)]
+pub struct StepperDrive {
+    params: StepperDriveParams,
+    /// Rim travel of a step, right and left, before slip.
+    travel_m: [f64; 2],
+    track_m: f64,
+    pose: WorldPose,
+    counts: [i64; 2],
+    noise: Noise,
+    tick: Tick,
+}
+
+impl StepperDrive {
+    /// At `start` (the pose the control path assumes) plus the start errors.
+    pub fn new(body: Body, params: StepperDriveParams, start: WorldPose) -> Self {
+        let mut noise = Noise::new(params.seed);
+        let mut off = |fixed: f64, sd: f64| if sd > 0.0 { fixed + sd * noise.normal() } else { fixed };
+        let pose = WorldPose::new(
+            start.x_m + off(params.start_error_x_m, params.start_sd_m),
+            start.y_m + off(params.start_error_y_m, params.start_sd_m),
+            start.theta_rad + off(params.start_error_theta_rad, params.start_sd_rad),
+        );
+        Self {
+            params,
+            travel_m: [params.wheel_error_right, params.wheel_error_left]
+                .map(|error| body.step_length_m * (1.0 + error)),
+            track_m: body.track_m * (1.0 + params.track_error),
+            pose,
+            counts: [0; 2],
+            noise,
+            tick: 0,
+        }
+    }
+
+    /// What a wheel's contact point travels for `steps` steps, m.
+    fn rolled_m(&mut self, wheel: usize, steps: i64) -> f64 {
+        if steps == 0 {
+            return 0.0;
+        }
+        let mut slip = self.params.slip_mean;
+        if self.params.slip_sd > 0.0 {
+            slip += self.params.slip_sd * self.noise.normal();
+        }
+        steps as f64 * self.travel_m[wheel] * (1.0 - slip)
+    }
+
+    fn roll(&mut self, right_steps: i64, left_steps: i64) {
+        let right = self.rolled_m(0, right_steps);
+        let left = self.rolled_m(1, left_steps);
+        let turn = (right - left) / self.track_m;
+        let arc = (right + left) / 2.0;
+        // The chord of an arc: sin(h)/h of its length, along the heading half-way. For the small
+        // angles of a tick the series is exact to the last bit.
+        let half = turn / 2.0;
+        let chord = if half.abs() < 1e-2 {
+            let h2 = half * half;
+            arc * (1.0 - h2 / 6.0 * (1.0 - h2 / 20.0 * (1.0 - h2 / 42.0)))
+        } else {
+            arc * libm::sin(half) / half
+        };
+        let (sin, cos) = libm::sincos(self.pose.theta_rad + half);
+        self.pose.x_m += chord * cos;
+        self.pose.y_m += chord * sin;
+        self.pose.theta_rad += turn;
+    }
+}
+
+impl Block for StepperDrive {
+    type Inputs<'a> = &'a Steps;
+    type Output = Truth;
+
+    fn step(&mut self, _tick: Tick, steps: &Steps) -> Truth {
+        if steps.tick >= self.tick {
+            let counts = [steps.counts[0], steps.counts[1]];
+            if counts != self.counts {
+                let right = counts[0].wrapping_sub(self.counts[0]);
+                let left = counts[1].wrapping_sub(self.counts[1]);
+                self.roll(right, left);
+                self.counts = counts;
+            }
+            self.tick = steps.tick;
+        }
+        Truth::at(self.tick, self.pose)
+    }
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014) and the Box–Muller transform: small, seeded, the same bits
+/// everywhere.
+#[derive(Clone, Debug)]
+struct Noise(u64);
+
+impl Noise {
+    fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In (0, 1].
+    fn uniform(&mut self) -> f64 {
+        ((self.next() >> 11) + 1) as f64 / (1u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));
+        radius * libm::cos(core::f64::consts::TAU * self.uniform())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+    use hilare_interfaces::layout::WireField;
+
+    const BODY: Body = Body { track_m: 0.054, step_length_m: 0.000_13 };
+
+    fn drive(params: StepperDriveParams, moves: impl Iterator<Item = (i64, i64)>) -> WorldPose {
+        let mut plant = StepperDrive::new(BODY, params, WorldPose::default());
+        let mut steps = Steps::ZERO;
+        let mut truth = Truth::ZERO;
+        for (right, left) in moves {
+            steps.tick += 1;
+            steps.counts[0] += right;
+            steps.counts[1] += left;
+            truth = plant.step(steps.tick, &steps);
+        }
+        truth.pose()
+    }
+
+    #[test]
+    fn a_circle_of_the_right_wheel_closes() {
+        // The right wheel rolls about the standing left one: midpoint on a circle of radius w_T/2.
+        let half_turn_steps = PI * BODY.track_m / BODY.step_length_m;
+        let pose = drive(StepperDriveParams::default(), (0..half_turn_steps.round() as i64).map(|_| (1, 0)));
+        assert!((pose.theta_rad - PI).abs() < 0.002, "{pose:?}");
+        assert!((pose.y_m - BODY.track_m).abs() < 1e-4 && pose.x_m.abs() < 1e-4, "{pose:?}");
+    }
+
+    #[test]
+    fn one_big_arc_equals_many_small_ones() {
+        let params = StepperDriveParams::default();
+        let small = drive(params, (0..400).map(|_| (2, 1)));
+        let big = drive(params, core::iter::once((800, 400)));
+        assert!((small.x_m - big.x_m).abs() < 1e-12 && (small.y_m - big.y_m).abs() < 1e-12);
+        assert!((small.theta_rad - big.theta_rad).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slip_shortens_and_unequal_wheels_turn() {
+        let slipping = StepperDriveParams { slip_mean: 0.05, ..StepperDriveParams::default() };
+        let pose = drive(slipping, (0..1000).map(|_| (1, 1)));
+        assert!((pose.x_m - 0.95 * 0.13).abs() < 1e-12 && pose.theta_rad == 0.0);
+        let unequal = StepperDriveParams { wheel_error_right: 0.01, ..StepperDriveParams::default() };
+        let pose = drive(unequal, (0..1000).map(|_| (1, 1)));
+        assert!((pose.theta_rad - 0.01 * 0.13 / 0.054).abs() < 1e-12);
+    }
+
+    #[test]
+    fn noise_has_the_asked_spread_and_repeats_with_its_seed() {
+        let noisy = |seed| StepperDriveParams { slip_sd: 0.1, start_sd_m: 0.01, seed, ..StepperDriveParams::default() };
+        let run = |seed| drive(noisy(seed), (0..500).map(|_| (1, 1)));
+        assert_eq!(run(3), run(3));
+        assert_ne!(run(3), run(4));
+        let starts: std::vec::Vec<f64> =
+            (0..2000).map(|seed| StepperDrive::new(BODY, noisy(seed), WorldPose::default()).pose.x_m).collect();
+        let mean = starts.iter().sum::<f64>() / 2000.0;
+        let sd = libm::sqrt(starts.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / 1999.0);
+        assert!(mean.abs() < 0.001 && (sd - 0.01).abs() < 0.001, "{mean} {sd}");
+    }
+}

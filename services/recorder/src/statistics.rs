@@ -1,0 +1,230 @@
+//! The figures of a run, as spec 1 and `summary.json` define them.
+//!
+//! Means are over every tick until the selector accepts the last waypoint. Cross-track is the
+//! distance of the truth to the line through the last and the current waypoint; the speed error is
+//! |v − v_r| of the commanded speed after the input constraints; the true speed is the truth's
+//! displacement over 0.1 s.
+
+use crate::TickRecord;
+use hilare_interfaces::block::TICK_S;
+use hilare_interfaces::geometry::{Segment, WorldPoint, WorldPose};
+use hilare_interfaces::messages::{Reference, ReferenceState};
+use serde::{Deserialize, Serialize};
+
+/// Window of the true speed, ticks (0.1 s, about the paper's camera).
+const SPEED_WINDOW: usize = 100;
+const WINDOW_S: f64 = SPEED_WINDOW as f64 * TICK_S;
+
+/// Figures of a run so far.
+#[derive(Clone, Debug)]
+pub struct RunStatistics {
+    ticks: u64,
+    arrived: bool,
+    cross_track_sum_m: f64,
+    cross_track_max_m: f64,
+    speed_error_sum_mps: f64,
+    true_speed_error_sum_mps: f64,
+    true_speed_samples: u64,
+    window: Box<[WorldPoint; SPEED_WINDOW]>,
+    line: Line,
+    hash: StateHash,
+    pose: WorldPose,
+    truth: WorldPose,
+    steps: [i64; 4],
+}
+
+/// What a run came to, for `summary.json`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunFigures {
+    /// The last waypoint was accepted.
+    pub reached: bool,
+    /// Ticks executed until then (or in all).
+    pub ticks: u64,
+    /// Mean distance of the truth to the tracked line, m.
+    pub cross_track_mean_m: f64,
+    /// Greatest such distance, m.
+    pub cross_track_max_m: f64,
+    /// Mean |v − v_r| of the commanded speed after the constraints, m/s.
+    pub speed_error_mean_mps: f64,
+    /// Mean |v − v_r| of the true speed over 0.1 s, m/s.
+    pub speed_error_truth_mean_mps: f64,
+    /// Steps a wheel, right first.
+    pub steps: [i64; 4],
+    /// Estimated pose at the end: x, y (m), heading (rad).
+    pub final_pose: [f64; 3],
+    /// True pose at the end.
+    pub final_truth: [f64; 3],
+    /// Hash of every bit of the estimated pose over all ticks.
+    pub state_hash: u64,
+}
+
+impl Default for RunStatistics {
+    fn default() -> Self {
+        Self {
+            ticks: 0,
+            arrived: false,
+            cross_track_sum_m: 0.0,
+            cross_track_max_m: 0.0,
+            speed_error_sum_mps: 0.0,
+            true_speed_error_sum_mps: 0.0,
+            true_speed_samples: 0,
+            window: Box::new([WorldPoint::default(); SPEED_WINDOW]),
+            line: Line::default(),
+            hash: StateHash::default(),
+            pose: WorldPose::default(),
+            truth: WorldPose::default(),
+            steps: [0; 4],
+        }
+    }
+}
+
+impl RunStatistics {
+    /// True once the last waypoint was accepted; further ticks are not counted.
+    pub fn arrived(&self) -> bool {
+        self.arrived
+    }
+
+    /// Ticks counted.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// The reference that says `Arrived` ends the count.
+    pub fn note_arrival(&mut self) {
+        self.arrived = true;
+    }
+
+    /// Takes in one tick.
+    pub fn push(&mut self, record: TickRecord<'_>) {
+        if record.reference.state == ReferenceState::Arrived.code() {
+            self.note_arrival();
+            return;
+        }
+        self.pose = record.pose.pose();
+        self.truth = record.truth.pose();
+        self.steps = record.steps.counts;
+        self.hash.update(self.pose);
+        let position = self.truth.position();
+        if record.reference.state == ReferenceState::Tracking.code() {
+            let distance = self.line.of(record.reference).distance_m(position);
+            self.cross_track_sum_m += distance;
+            self.cross_track_max_m = self.cross_track_max_m.max(distance);
+        }
+        let wanted = record.reference.speed_mps;
+        self.speed_error_sum_mps += (record.steps.commanded_twist().speed_mps() - wanted).abs();
+        let slot = &mut self.window[self.ticks as usize % SPEED_WINDOW];
+        if self.ticks >= SPEED_WINDOW as u64 {
+            let (dx, dy) = (position.x_m - slot.x_m, position.y_m - slot.y_m);
+            let speed = (dx * dx + dy * dy).sqrt() / WINDOW_S;
+            self.true_speed_error_sum_mps += (speed - wanted).abs();
+            self.true_speed_samples += 1;
+        }
+        *slot = position;
+        self.ticks += 1;
+    }
+
+    /// The figures so far.
+    pub fn figures(&self) -> RunFigures {
+        let mean = |sum: f64, n: u64| if n == 0 { 0.0 } else { sum / n as f64 };
+        let flat = |pose: WorldPose| [pose.x_m, pose.y_m, pose.theta_rad];
+        RunFigures {
+            reached: self.arrived,
+            ticks: self.ticks,
+            cross_track_mean_m: mean(self.cross_track_sum_m, self.ticks),
+            cross_track_max_m: self.cross_track_max_m,
+            speed_error_mean_mps: mean(self.speed_error_sum_mps, self.ticks),
+            speed_error_truth_mean_mps: mean(self.true_speed_error_sum_mps, self.true_speed_samples),
+            steps: self.steps,
+            final_pose: flat(self.pose),
+            final_truth: flat(self.truth),
+            state_hash: self.hash.0,
+        }
+    }
+}
+
+/// The tracked line with its normal, recomputed only when the waypoint changes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    key: (u64, u64),
+    normal: (f64, f64),
+    offset: f64,
+}
+
+impl Line {
+    fn of(&mut self, reference: &Reference) -> &Self {
+        let key = (reference.path_id, reference.index);
+        if key != self.key {
+            let segment = Segment::new(reference.last.point(), reference.current.point());
+            let length = segment.length_m().max(f64::MIN_POSITIVE);
+            let normal = (
+                -(segment.to.y_m - segment.from.y_m) / length,
+                (segment.to.x_m - segment.from.x_m) / length,
+            );
+            let offset = normal.0 * segment.from.x_m + normal.1 * segment.from.y_m;
+            *self = Self { key, normal, offset };
+        }
+        self
+    }
+
+    fn distance_m(&self, point: WorldPoint) -> f64 {
+        (self.normal.0 * point.x_m + self.normal.1 * point.y_m - self.offset).abs()
+    }
+}
+
+/// Hash over the bits of every pose: `h = (rotl(h, 5) ^ word) · 0x517c_c1b7_2722_0a95`, words x, y,
+/// heading of each tick (the multiplicative hash of Firefox, written out so that others can check).
+#[derive(Clone, Copy, Debug, Default)]
+struct StateHash(u64);
+
+impl StateHash {
+    fn update(&mut self, pose: WorldPose) {
+        for word in [pose.x_m, pose.y_m, pose.theta_rad] {
+            self.0 = (self.0.rotate_left(5) ^ word.to_bits()).wrapping_mul(0x517c_c1b7_2722_0a95);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::layout::WireField;
+    use hilare_interfaces::messages::{Pose, Steps, Truth, Waypoint};
+
+    /// 1 m along x at 40 mm/s, 3 mm to the left of the line, commanded 38 mm/s.
+    #[test]
+    fn a_straight_run_by_hand() {
+        let mut statistics = RunStatistics::default();
+        let mut reference = Reference {
+            state: ReferenceState::Tracking.code(),
+            path_id: 1,
+            index: 1,
+            speed_mps: 0.040,
+            current: Waypoint { x_m: 1.0, y_m: 0.0 },
+            ..Reference::ZERO
+        };
+        for n in 1..=500u64 {
+            let pose = WorldPose::new(n as f64 * 4e-5, 0.003, 0.0);
+            statistics.push(TickRecord {
+                steps: &Steps { tick: n, counts: [n as i64, 2, 0, 0], twist: [0.038, 0.0, 0.0], ..Steps::ZERO },
+                pose: &Pose::at(n, pose),
+                truth: &Truth::at(n, pose),
+                reference: &reference,
+            });
+        }
+        let before = statistics.figures();
+        reference.state = ReferenceState::Arrived.code();
+        statistics.push(TickRecord {
+            steps: &Steps::ZERO,
+            pose: &Pose::ZERO,
+            truth: &Truth::ZERO,
+            reference: &reference,
+        });
+        let figures = statistics.figures();
+        assert_eq!(figures, RunFigures { reached: true, ..before }, "the tick after the arrival does not count");
+        assert_eq!((figures.ticks, figures.steps[0]), (500, 500));
+        assert!((figures.cross_track_mean_m - 0.003).abs() < 1e-12);
+        assert!((figures.speed_error_mean_mps - 0.002).abs() < 1e-12);
+        assert!(figures.speed_error_truth_mean_mps < 1e-9);
+        assert_ne!(figures.state_hash, 0);
+    }
+}

@@ -1,0 +1,126 @@
+//! The curves of a run: one row a control period, bounded.
+
+use crate::TickRecord;
+use hilare_interfaces::geometry::{Segment, WorldPose};
+use hilare_interfaces::messages::{Reference, ReferenceState};
+
+/// Rows kept at most; beyond, every second one is dropped and the stride doubles.
+pub const MAX_ROWS: usize = 120_000;
+
+/// One row of the trace, SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceRow {
+    /// Ticks executed.
+    pub tick: u64,
+    /// Estimated pose.
+    pub pose: WorldPose,
+    /// True pose.
+    pub truth: WorldPose,
+    /// Commanded speed after the constraints, m/s.
+    pub speed_mps: f64,
+    /// Commanded yaw rate after the constraints, rad/s.
+    pub omega_radps: f64,
+    /// Signed cross-track distance of the truth, m, positive to the left.
+    pub cross_track_m: f64,
+    /// Index of the current waypoint.
+    pub waypoint: u64,
+}
+
+/// Rows of a run.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    stride: u64,
+    rows: Vec<TraceRow>,
+}
+
+impl Trace {
+    /// Empty, one row every `stride` ticks.
+    pub fn new(stride: u64) -> Self {
+        Self { stride: stride.max(1), rows: Vec::with_capacity(16_384) }
+    }
+
+    /// The rows, oldest first.
+    pub fn rows(&self) -> &[TraceRow] {
+        &self.rows
+    }
+
+    /// Keeps the tick if its turn has come.
+    pub fn push(&mut self, record: TickRecord<'_>) {
+        if !record.steps.tick.is_multiple_of(self.stride) {
+            return;
+        }
+        if self.rows.len() >= MAX_ROWS {
+            self.stride *= 2;
+            let stride = self.stride;
+            self.rows.retain(|row| row.tick.is_multiple_of(stride));
+        }
+        let twist = record.steps.commanded_twist();
+        self.rows.push(TraceRow {
+            tick: record.steps.tick,
+            pose: record.pose.pose(),
+            truth: record.truth.pose(),
+            speed_mps: twist.speed_mps(),
+            omega_radps: twist.omega_radps,
+            cross_track_m: signed_cross_track_m(record.reference, record.truth.pose()),
+            waypoint: record.reference.index,
+        });
+    }
+
+    /// The trace as CSV, units in the header, numbers that read back to the same bits.
+    pub fn to_csv(&self) -> String {
+        let mut csv = String::with_capacity(self.rows.len() * 150);
+        csv.push_str(
+            "tick,pose_x_m,pose_y_m,pose_theta_rad,truth_x_m,truth_y_m,truth_theta_rad,\
+             speed_mps,omega_radps,cross_track_m,waypoint\n",
+        );
+        for row in &self.rows {
+            let (p, t) = (row.pose, row.truth);
+            csv.push_str(&format!(
+                "{},{},{},{},{},{},{},{},{},{},{}\n",
+                row.tick,
+                p.x_m,
+                p.y_m,
+                p.theta_rad,
+                t.x_m,
+                t.y_m,
+                t.theta_rad,
+                row.speed_mps,
+                row.omega_radps,
+                row.cross_track_m,
+                row.waypoint
+            ));
+        }
+        csv
+    }
+}
+
+fn signed_cross_track_m(reference: &Reference, truth: WorldPose) -> f64 {
+    if reference.state == ReferenceState::Idle.code() {
+        return 0.0;
+    }
+    Segment::new(reference.last.point(), reference.current.point()).cross_track_m(truth.position())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::layout::WireField;
+    use hilare_interfaces::messages::{Pose, Steps, Truth};
+
+    #[test]
+    fn the_trace_stays_bounded_and_evenly_spaced() {
+        let mut trace = Trace::new(1);
+        for tick in 0..(MAX_ROWS as u64 * 3) {
+            trace.push(TickRecord {
+                steps: &Steps { tick, ..Steps::ZERO },
+                pose: &Pose::ZERO,
+                truth: &Truth::ZERO,
+                reference: &Reference::ZERO,
+            });
+        }
+        assert!(trace.rows().len() <= MAX_ROWS);
+        let gaps: Vec<u64> = trace.rows().windows(2).map(|pair| pair[1].tick - pair[0].tick).collect();
+        assert!(gaps.iter().all(|gap| *gap == gaps[0]));
+        assert_eq!(trace.to_csv().lines().count(), trace.rows().len() + 1);
+    }
+}

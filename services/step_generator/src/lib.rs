@@ -1,0 +1,126 @@
+//! The step generator: one call is one tick of the robot.
+//!
+//! Commands in, steps out, at 1 kHz. A tick (1) takes in what arrived, (2) decides which command
+//! acts ([`authority`]), (3) puts it inside the input constraints ([`limits`], paper 1 eq. 9–24;
+//! nothing reaches the wheels around them), (4) turns it into pulses ([`pulses`], eq. 25–29).
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod authority;
+pub mod limits;
+pub mod pulses;
+
+use authority::{Gate, GateParams};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::chassis::Chassis;
+use hilare_interfaces::geometry::BodyTwist;
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{Authority, Command, Drive, Steps};
+use limits::Limits;
+use pulses::PulseTrain;
+
+/// What a tick reads: what arrived since the last one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepInputs<'a> {
+    /// Newest authority, if one arrived.
+    pub authority: Option<&'a Authority>,
+    /// Commands that arrived, in order.
+    pub commands: &'a [Command],
+    /// Whole ticks the clock lost before this one (a pause), 0 normally.
+    pub paused_ticks: u64,
+}
+
+/// The box.
+#[derive(Clone, Debug)]
+pub struct StepGenerator {
+    chassis: Chassis,
+    limits: Limits,
+    gate: Gate,
+    pulses: PulseTrain,
+    twist: BodyTwist,
+    state: Steps,
+}
+
+impl StepGenerator {
+    /// A step generator at rest, disarmed, having counted no step. `step_rad` is β, the wheel angle
+    /// of one step.
+    pub fn new(chassis: Chassis, limits: Limits, step_rad: f64, gate: GateParams) -> Self {
+        Self {
+            chassis,
+            limits,
+            gate: Gate::new(gate),
+            pulses: PulseTrain::new(step_rad, chassis.wheels()),
+            twist: BodyTwist::ZERO,
+            state: Steps::ZERO,
+        }
+    }
+
+    /// The state after the last tick; before the first, all zero.
+    pub fn state(&self) -> &Steps {
+        &self.state
+    }
+
+    /// True when the tick to come opens a control cycle whose command has not arrived yet: what
+    /// the lockstep clock waits for.
+    pub fn awaits_command(&self, tick: Tick) -> bool {
+        self.gate.awaits_command(tick)
+    }
+
+    /// Takes in authority and commands without spending a tick.
+    pub fn take_in(&mut self, tick: Tick, inputs: StepInputs<'_>) {
+        if let Some(authority) = inputs.authority {
+            self.gate.set_authority(tick, authority);
+        }
+        for command in inputs.commands {
+            self.gate.offer(tick, command);
+        }
+    }
+
+    fn next_twist(&mut self, tick: Tick) -> (BodyTwist, Drive) {
+        let decision = self.gate.decide(tick);
+        let twist = match decision.drive {
+            Drive::Command | Drive::Hold => decision.twist,
+            Drive::EStop | Drive::Disarmed => BodyTwist::ZERO,
+            Drive::Ramp | Drive::Stop | Drive::LeaseLost | Drive::PauseStop => {
+                return (self.limits.ramp_down(self.twist), decision.drive);
+            }
+        };
+        (self.limits.constrain(&self.chassis, twist), decision.drive)
+    }
+}
+
+impl Block for StepGenerator {
+    type Inputs<'a> = StepInputs<'a>;
+    type Output = Steps;
+
+    /// Executes the tick after `tick` ticks have been executed; the returned state carries
+    /// `tick + 1`.
+    fn step(&mut self, tick: Tick, inputs: StepInputs<'_>) -> Steps {
+        self.take_in(tick, inputs);
+        if inputs.paused_ticks > 0 {
+            self.gate.note_pause(inputs.paused_ticks);
+            self.state.ticks_late += 1;
+            self.state.paused_ticks += inputs.paused_ticks;
+            self.state.paused_max_ticks = self.state.paused_max_ticks.max(inputs.paused_ticks);
+        }
+        let (twist, drive) = self.next_twist(tick);
+        // Wheel speeds change a few hundred times a second at most, pulses a thousand times.
+        if twist != self.twist || tick == 0 {
+            self.twist = twist;
+            self.state.twist = [twist.vx_mps, twist.vy_mps, twist.omega_radps];
+            self.state.wheel_speed_radps = self.chassis.wheel_speeds(twist);
+            self.pulses.set_speeds(self.state.wheel_speed_radps);
+        }
+        self.pulses.tick();
+        self.state.tick = tick + 1;
+        self.state.counts = self.pulses.counts();
+        self.state.drive = drive.code();
+        self.gate.report(&mut self.state);
+        self.state
+    }
+}
+
+#[cfg(test)]
+mod tests;

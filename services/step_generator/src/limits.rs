@@ -1,0 +1,70 @@
+//! The input constraints, paper 1 eq. (9)–(24), and the stop ramp.
+//!
+//! They sit in the step generator because every command of every controller passes here and nothing
+//! passes around it.
+
+use hilare_interfaces::block::TICK_S;
+use hilare_interfaces::chassis::Chassis;
+use hilare_interfaces::geometry::BodyTwist;
+use hilare_interfaces::param_group;
+
+param_group! {
+    /// What a command may ask for, and how a stop decelerates.
+    Limits {
+        /// Least speed along x, v_min; negative allows reversing.
+        v_min_mps: f64 = 0.0, "m/s", -10.0, 10.0;
+        /// Greatest linear speed, v_max.
+        v_max_mps: f64 = 0.041, "m/s", 0.0, 10.0;
+        /// Least yaw rate that is carried out, ω_min; smaller ones are raised to it, 0 is kept.
+        omega_min_radps: f64 = 0.0, "rad/s", 0.0, 50.0;
+        /// Greatest yaw rate, ω_max.
+        omega_max_radps: f64 = 0.747, "rad/s", 0.0, 50.0;
+        /// Deceleration of a stop; the paper has none, a stepper loses steps without.
+        stop_decel_mps2: f64 = 2.0, "m/s^2", 0.01, 100.0;
+        /// Yaw deceleration of a stop.
+        stop_decel_radps2: f64 = 40.0, "rad/s^2", 0.01, 10000.0;
+    }
+}
+
+impl Limits {
+    /// The twist that is carried out for a commanded one: inside v, ω and the motor diamond.
+    pub fn constrain(&self, chassis: &Chassis, commanded: BodyTwist) -> BodyTwist {
+        let linear = if chassis.wheels() == 2 {
+            // [MH18] (9)–(11), (15)
+            (commanded.vx_mps.max(self.v_min_mps).min(self.v_max_mps), 0.0)
+        } else {
+            // The same for a chassis with a sideways speed: the vector is shortened, its
+            // direction kept.
+            let speed = commanded.speed_mps().abs();
+            let shorten = if speed > self.v_max_mps { self.v_max_mps / speed } else { 1.0 };
+            (commanded.vx_mps * shorten, commanded.vy_mps * shorten)
+        };
+        // [MH18] (12)–(14), (16), with g(0) = 0 so that a straight line stays straight.
+        let omega = if commanded.omega_radps == 0.0 {
+            0.0
+        } else {
+            let size = commanded.omega_radps.abs().max(self.omega_min_radps).min(self.omega_max_radps);
+            size.copysign(commanded.omega_radps)
+        };
+        let clamped = BodyTwist::new(linear.0, linear.1, omega);
+        // [MH18] (18)–(24): outside the motor diamond both shrink alike, so the curvature is kept.
+        let motor_use = chassis.motor_use(clamped);
+        if motor_use > 1.0 {
+            BodyTwist::new(
+                clamped.vx_mps / motor_use,
+                clamped.vy_mps / motor_use,
+                clamped.omega_radps / motor_use,
+            )
+        } else {
+            clamped
+        }
+    }
+
+    /// `twist` after one tick of decelerating along its own path, both rates within their limits.
+    pub fn ramp_down(&self, twist: BodyTwist) -> BodyTwist {
+        let share = |rate: f64, value: f64| if value == 0.0 { 1.0 } else { rate * TICK_S / value.abs() };
+        let loss = share(self.stop_decel_mps2, twist.speed_mps())
+            .min(share(self.stop_decel_radps2, twist.omega_radps));
+        if loss >= 1.0 { BodyTwist::ZERO } else { twist.scaled(1.0 - loss) }
+    }
+}

@@ -1,0 +1,186 @@
+//! The waypoint selector: which waypoint the robot tracks, paper 1 eq. (6), (8).
+//!
+//! Waypoint 0 is where the path begins; the first to track is waypoint 1. Waypoint k + 1 becomes the
+//! reference when the robot is within d_T of waypoint k; the run has arrived when the last one is
+//! accepted. At most one waypoint is accepted a control period, as in the paper's loop.
+#![no_std]
+
+extern crate alloc;
+#[cfg(test)]
+extern crate std;
+
+use alloc::vec::Vec;
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint};
+use hilare_interfaces::param_group;
+
+param_group! {
+    /// How a path is tracked.
+    Tracking {
+        /// Reference speed, v_r.
+        speed_mps: f64 = 0.040, "m/s", 0.0, 10.0;
+        /// Acceptance radius of a waypoint, d_T (the paper's is half the track).
+        acceptance_radius_m: f64 = 0.027, "m", 1e-4, 10.0;
+    }
+}
+
+/// A new path.
+#[derive(Clone, Copy, Debug)]
+pub struct NewPath<'a> {
+    /// Its header.
+    pub header: &'a PathHeader,
+    /// Its waypoints, at least two, at most [`MAX_WAYPOINTS`].
+    pub waypoints: &'a [Waypoint],
+}
+
+/// What a step reads.
+#[derive(Clone, Copy, Debug)]
+pub struct SelectorInputs<'a> {
+    /// The pose of this control period.
+    pub pose: &'a Pose,
+    /// A path, if a new one arrived; it takes effect at this very step.
+    pub path: Option<NewPath<'a>>,
+}
+
+/// The box.
+#[derive(Clone, Debug)]
+pub struct WaypointSelector {
+    tracking: Tracking,
+    waypoints: Vec<Waypoint>,
+    reference: Reference,
+    rejected_paths: u64,
+}
+
+impl WaypointSelector {
+    /// Without a path. Allocates room for the longest one, so that a step never does.
+    pub fn new(tracking: Tracking) -> Self {
+        Self {
+            tracking,
+            waypoints: Vec::with_capacity(MAX_WAYPOINTS),
+            reference: Reference::ZERO,
+            rejected_paths: 0,
+        }
+    }
+
+    /// Paths refused at the rim: too short, too long, or not finite. The old one is kept.
+    pub fn rejected_paths(&self) -> u64 {
+        self.rejected_paths
+    }
+
+    fn take_path(&mut self, path: NewPath<'_>) {
+        let valid = (2..=MAX_WAYPOINTS).contains(&path.waypoints.len())
+            && path.waypoints.iter().all(|waypoint| waypoint.point().is_finite());
+        if !valid {
+            self.rejected_paths += 1;
+            return;
+        }
+        self.waypoints.clear();
+        self.waypoints.extend_from_slice(path.waypoints);
+        self.reference = Reference {
+            state: ReferenceState::Tracking.code(),
+            path_id: path.header.path_id,
+            total: path.waypoints.len() as u64,
+            speed_mps: self.tracking.speed_mps,
+            ..Reference::ZERO
+        };
+        self.point_at(1);
+    }
+
+    /// Makes waypoint `index` the current one.
+    fn point_at(&mut self, index: usize) {
+        self.reference.index = index as u64;
+        self.reference.last = self.waypoints[index - 1];
+        self.reference.current = self.waypoints[index];
+        let coming = &self.waypoints[index + 1..];
+        let len = coming.len().min(PREVIEW);
+        self.reference.preview_len = len as u64;
+        self.reference.preview[..len].copy_from_slice(&coming[..len]);
+    }
+}
+
+impl Block for WaypointSelector {
+    type Inputs<'a> = SelectorInputs<'a>;
+    type Output = Reference;
+
+    fn step(&mut self, tick: Tick, inputs: SelectorInputs<'_>) -> Reference {
+        if let Some(path) = inputs.path {
+            self.take_path(path);
+        }
+        self.reference.tick = tick;
+        if self.reference.state == ReferenceState::Tracking.code() {
+            let robot = inputs.pose.pose().position();
+            // [MH18] (8)
+            if robot.distance_m(self.reference.current.point()) <= self.tracking.acceptance_radius_m {
+                let next = self.reference.index as usize + 1;
+                if next < self.waypoints.len() {
+                    self.point_at(next);
+                } else {
+                    // The segment stays for those who report the distance to it.
+                    self.reference.state = ReferenceState::Arrived.code();
+                    self.reference.speed_mps = 0.0;
+                }
+            }
+        }
+        self.reference
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::geometry::WorldPose;
+
+    fn path(points: &[(f64, f64)]) -> Vec<Waypoint> {
+        points.iter().map(|(x_m, y_m)| Waypoint { x_m: *x_m, y_m: *y_m }).collect()
+    }
+
+    fn at(x_m: f64, y_m: f64) -> Pose {
+        Pose::at(0, WorldPose::new(x_m, y_m, 0.0))
+    }
+
+    fn step(selector: &mut WaypointSelector, pose: &Pose, waypoints: Option<&[Waypoint]>) -> Reference {
+        let header = PathHeader { path_id: 7, goal_id: 0 };
+        let path = waypoints.map(|waypoints| NewPath { header: &header, waypoints });
+        selector.step(10, SelectorInputs { pose, path })
+    }
+
+    #[test]
+    fn it_walks_the_path_one_waypoint_a_period_and_arrives() {
+        let mut selector = WaypointSelector::new(Tracking::default());
+        assert_eq!(step(&mut selector, &at(0.0, 0.0), None).state, ReferenceState::Idle.code());
+        let square = path(&[(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.4, 0.31)]);
+        let first = step(&mut selector, &at(0.0, 0.0), Some(&square));
+        assert_eq!((first.index, first.total, first.preview_len, first.tick), (1, 4, 2, 10));
+        assert_eq!(first.preview[..2], square[2..]);
+        assert_eq!(step(&mut selector, &at(0.4 - 0.0271, 0.0), None).index, 1);
+        assert_eq!(step(&mut selector, &at(0.4 - 0.0269, 0.0), None).index, 2);
+        // Waypoints 2 and 3 are within one radius: still one a period.
+        assert_eq!(step(&mut selector, &at(0.4, 0.3), None).index, 3);
+        let done = step(&mut selector, &at(0.4, 0.3), None);
+        assert_eq!((done.state, done.index, done.last), (ReferenceState::Arrived.code(), 3, square[2]));
+        assert_eq!(step(&mut selector, &at(0.0, 0.0), None).state, ReferenceState::Arrived.code());
+    }
+
+    #[test]
+    fn a_bad_path_leaves_the_old_one() {
+        let mut selector = WaypointSelector::new(Tracking::default());
+        step(&mut selector, &at(0.0, 0.0), Some(&path(&[(0.0, 0.0), (0.4, 0.0)])));
+        let long = std::vec![Waypoint::ZERO; MAX_WAYPOINTS + 1];
+        let broken = path(&[(0.0, 0.0), (f64::NAN, 0.0)]);
+        for bad in [&long[..], &broken, &path(&[(0.0, 0.0)]), &[]] {
+            let reference = step(&mut selector, &at(0.0, 0.0), Some(bad));
+            assert_eq!((reference.total, reference.state), (2, ReferenceState::Tracking.code()));
+        }
+        assert_eq!(selector.rejected_paths(), 4);
+    }
+
+    #[test]
+    fn the_preview_is_bounded() {
+        let mut selector = WaypointSelector::new(Tracking::default());
+        let long = (0..100).map(|i| (f64::from(i), 0.0)).collect::<Vec<_>>();
+        let reference = step(&mut selector, &at(0.0, 0.0), Some(&path(&long)));
+        assert_eq!(reference.preview_len, PREVIEW as u64);
+        assert_eq!(reference.preview[PREVIEW - 1].x_m, 1.0 + PREVIEW as f64);
+    }
+}
