@@ -1,0 +1,3 @@
+//! The `hilare` command.
+
+fn main() {}
