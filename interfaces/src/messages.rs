@@ -203,6 +203,8 @@ wire_message! {
         steps: u64,
         /// Messages that were missing or refused at the rim.
         rejected: u64,
+        /// Newest path seen (planner: published); 0 before the first.
+        path_id: u64,
         /// Granted scheduling policy: 0 other, 1 FIFO.
         granted_fifo: u64,
         /// Granted real-time priority.

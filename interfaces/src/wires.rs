@@ -181,7 +181,8 @@ pub const COMMAND: Wire = Wire {
     element: None,
     layout_hash: Command::LAYOUT_HASH,
     from: &[Role::Controller],
-    to: &[polls(Role::StepGenerator)],
+    // The real clock is never woken by it; the lockstep clock waits for it.
+    to: &[wakes(Role::StepGenerator)],
     rate: Rate::EveryPeriod,
     buffer: 64,
     history: 0,

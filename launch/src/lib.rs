@@ -1,4 +1,14 @@
 //! launch: the process manager, the shell that hosts every block, the clocks and the command line.
+//!
+//! * [`config`]: system and scenario files.
+//! * [`shell`]: what makes a block a process.
+//! * [`manager`]: what makes processes a robot.
+//! * [`report`]: what a run came to.
+//! * [`cli`]: the `hilare` command.
 
+pub mod cli;
 pub mod config;
+pub mod logging;
+pub mod manager;
 pub mod report;
+pub mod shell;

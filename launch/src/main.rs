@@ -1,3 +1,7 @@
 //! The `hilare` command.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    hilare::cli::main()
+}

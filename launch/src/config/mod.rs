@@ -1,1 +1,196 @@
-//! System and scenario files.
+//! System and scenario files: TOML in, a checked [`System`] or [`Scenario`] out.
+//!
+//! ```text
+//! robot.toml ──document──▶ entries (section, key, value, place) ──assign──▶ System ──conflict──▶ checked
+//! --set KEY=VALUE ────────────────────────────────────────────────▲
+//! ```
+//!
+//! There is no second list of keys: sections are the parameter groups of the boxes ([`keys`]), and a
+//! file, `--set`, [`System::to_toml`] and the documentation all walk the same table. A file says only
+//! what differs from the defaults; what it says is never ignored: an unknown key, a wrong type, a value
+//! out of bounds or two values that contradict each other is an error of one line with its place.
+
+mod assign;
+mod conflict;
+mod controller;
+mod document;
+mod error;
+mod keys;
+mod realtime;
+mod scenario;
+mod suggest;
+mod write;
+
+pub use controller::ControllerConfig;
+pub use error::ConfigError;
+pub use keys::{Form, Key, TextSpec, keys};
+pub use realtime::Realtime;
+pub use scenario::{Published, Scenario};
+
+use document::Document;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::param_group;
+use hilare_interfaces::wires::Role;
+use hilare_plant::stepper_drive::StepperDriveParams;
+use hilare_step_generator::authority::GateParams;
+use hilare_step_generator::limits::Limits;
+use hilare_step_generator::pulses::Stepper;
+use hilare_waypoint_selector::Tracking;
+use std::path::Path;
+
+param_group! {
+    /// What launch does when a worker dies.
+    Supervision {
+        /// Restarts of one worker within the window after which launch gives up.
+        restart_budget: u64 = 5, "", 0, 100;
+        /// Window in which restarts are counted.
+        restart_window_s: f64 = 10.0, "s", 0.1, 3600.0;
+        /// Arm the robot as soon as it is up, without being asked.
+        arm_on_start: bool = false, "", 0, 1;
+    }
+}
+
+/// Systems that can be named without a file.
+const BUILT_IN: &[(&str, &str)] = &[("epuck", include_str!("../../systems/epuck.toml"))];
+
+/// One robot: what it is, how it is driven, how its processes run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct System {
+    /// Name of the robot; one domain of shared memory a robot.
+    pub robot: String,
+    /// Wheels and where they sit.
+    pub chassis: Chassis,
+    /// Stepper drive.
+    pub stepper: Stepper,
+    /// Input constraints and stop ramps.
+    pub limits: Limits,
+    /// Control period, hold, lease and pause.
+    pub timing: GateParams,
+    /// Reference speed and acceptance radius.
+    pub tracking: Tracking,
+    /// Control law and its gains.
+    pub controller: ControllerConfig,
+    /// The simulated robot.
+    pub plant: StepperDriveParams,
+    /// Pose the robot is assumed to start at.
+    pub start: WorldPose,
+    /// Restarts and arming.
+    pub supervision: Supervision,
+    realtime: [Realtime; Role::WORKERS.len()],
+}
+
+impl Default for System {
+    fn default() -> Self {
+        Self {
+            robot: keys::ROBOT.default.to_owned(),
+            chassis: Chassis::Differential(DifferentialParams::default()),
+            stepper: Stepper::default(),
+            limits: Limits::default(),
+            timing: GateParams::default(),
+            tracking: Tracking::default(),
+            controller: ControllerConfig::default(),
+            plant: StepperDriveParams::default(),
+            start: WorldPose::default(),
+            supervision: Supervision::default(),
+            realtime: Role::WORKERS.map(Realtime::default_of),
+        }
+    }
+}
+
+impl System {
+    /// Names of the built-in systems.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// Reads a built-in system by name, or a file by a path that ends in `.toml`.
+    pub fn load(name_or_path: &str) -> Result<Self, ConfigError> {
+        if is_path(name_or_path) {
+            let text = error::read_text(Path::new(name_or_path))?;
+            return Self::parse(name_or_path, &text);
+        }
+        Self::built_in(name_or_path).map_err(ConfigError::bare)
+    }
+
+    /// A built-in system, or what is wrong with the name.
+    fn built_in(name: &str) -> Result<Self, String> {
+        let (name, text) = find_built_in("system", BUILT_IN, name)?;
+        Self::parse(&format!("{name}.toml (built-in)"), text).map_err(|error| error.to_string())
+    }
+
+    /// Reads the text of a system file; `origin` is its name in errors.
+    pub fn parse(origin: &str, text: &str) -> Result<Self, ConfigError> {
+        let document = Document::parse(origin, text)?;
+        let mut system = Self::default();
+        assign::apply(&mut system, &document, document.entries())?;
+        Ok(system)
+    }
+
+    /// Sets one key, `SECTION.KEY=VALUE`: `plant.slip_mean=0.05`, `controller.law=kanayama`. On an error
+    /// nothing changes.
+    pub fn set(&mut self, assignment: &str) -> Result<(), ConfigError> {
+        self.set_all(&[assignment])
+    }
+
+    /// Sets keys that only together make sense, in any order. On an error nothing changes.
+    pub fn set_all<S: AsRef<str>>(&mut self, assignments: &[S]) -> Result<(), ConfigError> {
+        let mut changed = self.clone();
+        assign::apply_assignments(&mut changed, assignments)?;
+        *self = changed;
+        Ok(())
+    }
+
+    /// Checks every value and that they fit each other; for those who changed fields directly.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        assign::check_all(self).map_err(|what| ConfigError::new(&self.robot, what))
+    }
+
+    /// The value of a number or switch (0, 1) by its full key, `limits.v_max_mps`; `None` for an unknown
+    /// key and for text.
+    pub fn get(&self, key: &str) -> Option<f64> {
+        let (section, name) = assign::split_key(key);
+        keys::Section::of(section, &self.chassis)?.get(self, name)
+    }
+
+    /// The whole system as a commented file; reading it back gives the same bits.
+    pub fn to_toml(&self) -> String {
+        write::to_toml(self)
+    }
+
+    /// Wheel angle of one step, β, rad.
+    pub fn step_rad(&self) -> f64 {
+        let radius_m = match &self.chassis {
+            Chassis::Differential(p) => p.wheel_diameter_m / 2.0,
+            Chassis::Mecanum(p) => p.wheel_radius_m,
+        };
+        self.stepper.step_length_m / radius_m
+    }
+
+    /// How the process of a role is scheduled; launch itself is neither pinned nor real-time.
+    pub fn realtime(&self, role: Role) -> Realtime {
+        realtime::index(role).map_or(Realtime::UNBOUND, |index| self.realtime[index])
+    }
+}
+
+/// True if an argument names a file rather than something built in.
+fn is_path(name_or_path: &str) -> bool {
+    name_or_path.ends_with(".toml")
+}
+
+/// Looks a name up in a table of built-in files, or says what is wrong with it.
+fn find_built_in(
+    what: &str,
+    table: &[(&'static str, &'static str)],
+    name: &str,
+) -> Result<(&'static str, &'static str), String> {
+    if let Some(found) = table.iter().find(|(known, _)| *known == name) {
+        return Ok(*found);
+    }
+    let names: Vec<&str> = table.iter().map(|(known, _)| *known).collect();
+    let choices = suggest::choices(name, "built-in", &names);
+    Err(format!("unknown {what} {}{choices}; or a path ending in .toml", error::quoted(name)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,58 @@
-//! The report of a run.
+//! The report of a run: what it came to ([`summary`]), beside what was published ([`verdict`]), and
+//! its curves ([`plots`]).
+
+mod canvas;
+mod labels;
+mod thin;
+
+pub mod plots;
+pub mod summary;
+pub mod verdict;
+
+#[cfg(test)]
+mod tests;
+
+pub use plots::{PlotInput, write_plots};
+pub use summary::{Counters, RunIdentity, Summary};
+pub use verdict::{PublishedRow, verdict_text};
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Writes `summary.json`, the plots and `trace.csv` into `dir`, which is made if need be. Returns
+/// the files written, `summary.json` last: who finds it finds the rest. An error is one line that
+/// names the path and the system's reason.
+pub fn write_report(
+    dir: &Path,
+    summary: &Summary,
+    plots: &PlotInput<'_>,
+    trace_csv: &str,
+) -> io::Result<Vec<PathBuf>> {
+    let mut written = write_plots(dir, plots)?;
+    let trace = dir.join("trace.csv");
+    write_whole(&trace, trace_csv.as_bytes())?;
+    written.push(trace);
+    written.push(summary.write(dir)?);
+    Ok(written)
+}
+
+/// Makes `dir` and what leads to it.
+fn make_dir(dir: &Path) -> io::Result<()> {
+    fs::create_dir_all(dir).map_err(|error| {
+        let (dir, kind) = (dir.display(), error.kind());
+        io::Error::new(kind, format!("cannot make the directory {dir}: {error}; choose another with --out"))
+    })
+}
+
+/// Writes a file so that a reader sees the old one or the new one, never half of it.
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    // Beside its target, because a rename is atomic only within one file system.
+    let half = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
+    fs::write(&half, bytes).and_then(|()| fs::rename(&half, path)).map_err(|error| {
+        // The half-written file is of no use; that it may not exist is no second fault.
+        let _ = fs::remove_file(&half);
+        io::Error::new(error.kind(), format!("cannot write {}: {error}", path.display()))
+    })
+}

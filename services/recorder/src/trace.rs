@@ -94,6 +94,27 @@ impl Trace {
     }
 }
 
+/// Reads the rows of [`Trace::to_csv`] back.
+pub fn parse_csv(csv: &str) -> Result<Vec<TraceRow>, String> {
+    csv.lines().skip(1).enumerate().map(|(i, line)| parse_row(line).ok_or(format!("trace.csv:{}: not a row", i + 2))).collect()
+}
+
+fn parse_row(line: &str) -> Option<TraceRow> {
+    let mut values = line.split(',');
+    let tick = values.next()?.parse().ok()?;
+    let mut number = || values.next()?.parse::<f64>().ok();
+    let row = TraceRow {
+        tick,
+        pose: WorldPose::new(number()?, number()?, number()?),
+        truth: WorldPose::new(number()?, number()?, number()?),
+        speed_mps: number()?,
+        omega_radps: number()?,
+        cross_track_m: number()?,
+        waypoint: number()? as u64,
+    };
+    values.next().is_none().then_some(row)
+}
+
 fn signed_cross_track_m(reference: &Reference, truth: WorldPose) -> f64 {
     if reference.state == ReferenceState::Idle.code() {
         return 0.0;
@@ -121,6 +142,7 @@ mod tests {
         assert!(trace.rows().len() <= MAX_ROWS);
         let gaps: Vec<u64> = trace.rows().windows(2).map(|pair| pair[1].tick - pair[0].tick).collect();
         assert!(gaps.iter().all(|gap| *gap == gaps[0]));
-        assert_eq!(trace.to_csv().lines().count(), trace.rows().len() + 1);
+        assert_eq!(parse_csv(&trace.to_csv()).unwrap(), trace.rows());
+        assert!(parse_csv("tick\n1,2").unwrap_err().starts_with("trace.csv:2"));
     }
 }

@@ -1,0 +1,70 @@
+//! `hilare diagram`: the wire table as a picture.
+
+use super::{VerbResult, print};
+use clap::Args;
+use hilare_interfaces::wires::{Rate, Role, WIRES, Wire};
+use std::process::ExitCode;
+
+/// Options of `hilare diagram`.
+#[derive(Args)]
+pub struct DiagramArgs {
+    /// The table as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints the diagram.
+pub fn diagram(args: &DiagramArgs) -> VerbResult {
+    if args.json {
+        let wires: Vec<_> = WIRES.iter().map(|wire| as_json(wire)).collect();
+        print(&format!("{}\n", serde_json::to_string_pretty(&wires).unwrap_or_default()));
+    } else {
+        print(&text());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn as_json(wire: &Wire) -> serde_json::Value {
+    serde_json::json!({
+        "name": wire.name,
+        "service": format!("hilare/{}", wire.name),
+        "message": wire.message,
+        "element": wire.element,
+        "layout_hash": format!("{:016x}", wire.layout_hash),
+        "from": wire.from.iter().map(|role| role.name()).collect::<Vec<_>>(),
+        "to": wire.to.iter().map(|reader| reader.role.name()).collect::<Vec<_>>(),
+        "rate": rate(wire),
+        "buffer": wire.buffer,
+        "history": wire.history,
+        "doc": wire.doc,
+    })
+}
+
+fn rate(wire: &Wire) -> String {
+    match wire.rate {
+        Rate::EveryTick => "1 kHz".to_owned(),
+        Rate::EveryPeriod => "every control period".to_owned(),
+        Rate::OnDemand => "on demand".to_owned(),
+        Rate::Hertz(hertz) => format!("{hertz} Hz"),
+    }
+}
+
+/// The diagram as it stands in the README: a box, what it sends, to whom.
+pub fn text() -> String {
+    let mut text = String::new();
+    for role in std::iter::once(Role::Launch).chain(Role::WORKERS) {
+        let out: Vec<_> = WIRES.iter().filter(|wire| wire.written_by(role) && wire.name != "health").collect();
+        let label = format!("[{}]", role.name());
+        if out.is_empty() {
+            text.push_str(&format!("{label}\n"));
+        }
+        for (i, wire) in out.iter().enumerate() {
+            let head = if i == 0 { label.as_str() } else { "" };
+            let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).collect();
+            let arrow = format!("──{}──▶", wire.name);
+            text.push_str(&format!("{head:<20}{arrow:<15} {:<52} {}\n", readers.join(", "), rate(wire)));
+        }
+    }
+    text.push_str(&format!("{:<20}{:<15} {:<52} {}\n", "[every worker]", "──health──▶", "launch", "20 Hz"));
+    text
+}

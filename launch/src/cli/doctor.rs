@@ -1,0 +1,170 @@
+//! `hilare doctor`: what this machine allows, each finding with its cure.
+
+use super::{VerbResult, print};
+use crate::manager::robot_dir::{SHM_NEEDED, base_dir, living_robots};
+use clap::Args;
+use rustix::process::{Resource, getrlimit};
+use serde::Serialize;
+use std::fs;
+use std::process::ExitCode;
+
+/// Options of `hilare doctor`.
+#[derive(Args)]
+pub struct DoctorArgs {
+    /// Answer in JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// How a check came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Verdict {
+    Good,
+    Warning,
+    Bad,
+}
+
+/// One check.
+#[derive(Debug, Serialize)]
+struct Finding {
+    check: &'static str,
+    verdict: Verdict,
+    found: String,
+    cure: String,
+}
+
+fn finding(check: &'static str, verdict: Verdict, found: impl Into<String>, cure: impl Into<String>) -> Finding {
+    let cure = if verdict == Verdict::Good { String::new() } else { cure.into() };
+    Finding { check, verdict, found: found.into(), cure }
+}
+
+/// Runs every check.
+pub fn doctor(args: &DoctorArgs) -> VerbResult {
+    let findings =
+        [realtime_priority(), memory_lock(), throttling(), shared_memory(), cores(), runtime_dir(), leftovers(), robots()];
+    if args.json {
+        print(&format!("{}\n", serde_json::to_string_pretty(&findings).unwrap_or_default()));
+    } else {
+        for finding in &findings {
+            let mark = match finding.verdict {
+                Verdict::Good => "ok  ",
+                Verdict::Warning => "warn",
+                Verdict::Bad => "BAD ",
+            };
+            print(&format!("{mark}  {:<14} {}\n", finding.check, finding.found));
+            if !finding.cure.is_empty() {
+                print(&format!("      {:<14} cure: {}\n", "", finding.cure));
+            }
+        }
+    }
+    let bad = findings.iter().any(|finding| finding.verdict == Verdict::Bad);
+    Ok(if bad { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Tries SCHED_FIFO in a thread of its own, because limits alone do not tell (control groups).
+fn realtime_priority() -> Finding {
+    let tried = std::thread::spawn(|| crate::shell::realtime::set_fifo(80, true)).join();
+    match tried {
+        Ok(Ok(())) => finding("rtprio", Verdict::Good, "SCHED_FIFO 80 is granted", ""),
+        Ok(Err(error)) => finding(
+            "rtprio",
+            Verdict::Warning,
+            format!("SCHED_FIFO 80 is refused ({error}): the real clock runs best effort"),
+            "ulimit -r 99 (LimitRTPRIO=99 in a unit, rtprio 99 in /etc/security/limits.conf), or CAP_SYS_NICE; \
+             in a cgroup with cpu.rt_runtime_us 0, give it some",
+        ),
+        Err(_) => finding("rtprio", Verdict::Bad, "the check itself failed", "report it"),
+    }
+}
+
+fn memory_lock() -> Finding {
+    let limit = getrlimit(Resource::Memlock).current;
+    let root = rustix::process::geteuid().is_root();
+    match limit {
+        _ if root => finding("memlock", Verdict::Good, "root may lock all memory", ""),
+        None => finding("memlock", Verdict::Good, "unlimited", ""),
+        Some(bytes) if bytes >= 64 << 20 => finding("memlock", Verdict::Good, format!("{} MB", bytes >> 20), ""),
+        Some(bytes) => finding(
+            "memlock",
+            Verdict::Warning,
+            format!("{} kB: pages of the control path may be swapped or faulted in late", bytes >> 10),
+            "ulimit -l unlimited (LimitMEMLOCK=infinity, memlock unlimited in /etc/security/limits.conf)",
+        ),
+    }
+}
+
+fn throttling() -> Finding {
+    let runtime = fs::read_to_string("/proc/sys/kernel/sched_rt_runtime_us").unwrap_or_default();
+    match runtime.trim().parse::<i64>() {
+        Ok(0) => finding(
+            "rt throttling",
+            Verdict::Bad,
+            "sched_rt_runtime_us is 0: real-time threads do not run at all",
+            "sysctl kernel.sched_rt_runtime_us=950000",
+        ),
+        Ok(us) => finding("rt throttling", Verdict::Good, format!("{us} us a second for real-time work"), ""),
+        Err(_) => finding("rt throttling", Verdict::Warning, "unknown: /proc/sys/kernel is not readable", "mount /proc"),
+    }
+}
+
+fn shared_memory() -> Finding {
+    match rustix::fs::statvfs("/dev/shm") {
+        Ok(stat) => {
+            let free = stat.f_bavail * stat.f_frsize;
+            let verdict = if free < SHM_NEEDED { Verdict::Bad } else { Verdict::Good };
+            let cure = "mount -o remount,size=64M /dev/shm, or free some (docker: --shm-size=64m)";
+            finding("/dev/shm", verdict, format!("{} MB free, a robot needs {}", free >> 20, SHM_NEEDED >> 20), cure)
+        }
+        Err(error) => finding("/dev/shm", Verdict::Bad, error.to_string(), "mount -t tmpfs tmpfs /dev/shm"),
+    }
+}
+
+fn cores() -> Finding {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let verdict = if cores < 2 { Verdict::Warning } else { Verdict::Good };
+    finding("cores", verdict, format!("{cores} usable"), "give the robot two: one for the control path, one for the rest")
+}
+
+fn runtime_dir() -> Finding {
+    let base = base_dir();
+    let probe = base.join(".doctor");
+    let writable = fs::create_dir_all(&base).and_then(|()| fs::write(&probe, b"")).and_then(|()| fs::remove_file(&probe));
+    match writable {
+        Ok(()) => finding("runtime dir", Verdict::Good, base.display().to_string(), ""),
+        Err(error) => finding(
+            "runtime dir",
+            Verdict::Bad,
+            format!("{}: {error}", base.display()),
+            "set HILARE_RUNTIME_DIR to a directory you own",
+        ),
+    }
+}
+
+/// Files in /dev/shm whose robot is not alive.
+fn leftovers() -> Finding {
+    let living = living_robots();
+    let Ok(entries) = fs::read_dir("/dev/shm") else {
+        return finding("leftovers", Verdict::Warning, "/dev/shm is not readable", "mount a tmpfs there");
+    };
+    let dead = entries
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.starts_with("hilare_"))
+        .filter(|name| !living.iter().any(|(robot, _)| name.starts_with(&crate::shell::transport::shm_prefix(robot))))
+        .count();
+    let verdict = if dead == 0 { Verdict::Good } else { Verdict::Warning };
+    finding(
+        "leftovers",
+        verdict,
+        format!("{dead} files of robots that are not up"),
+        "the next launch of the robot removes them; or rm /dev/shm/hilare_*",
+    )
+}
+
+fn robots() -> Finding {
+    let living = living_robots();
+    let names: Vec<String> = living.iter().map(|(name, pid)| format!("{name} (pid {pid})")).collect();
+    let found = if names.is_empty() { "none up".to_owned() } else { names.join(", ") };
+    finding("robots", Verdict::Good, found, "")
+}

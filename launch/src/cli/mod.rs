@@ -1,0 +1,129 @@
+//! The `hilare` command line, one file a group of verbs.
+//!
+//! Exit codes: 0 done, 1 fault during the run, 2 wrong use or bad input. Errors are one line on
+//! standard error; with `--json`, standard output carries JSON and nothing else.
+
+mod diagram;
+mod doctor;
+mod operate;
+mod run;
+mod service;
+mod up;
+
+use crate::manager::Failure;
+use clap::{CommandFactory, Parser, Subcommand};
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+const CODES: &str = "Exit codes: 0 done, 1 fault during the run, 2 wrong use or bad input.";
+
+/// A real-time runtime for wheeled mobile robots: every block of the control diagram its own process.
+#[derive(Parser)]
+#[command(name = "hilare", version, after_help = CODES)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Run the standard job in real time and print a verdict (what `hilare` alone does)
+    #[command(after_help = "Example: hilare demo\nExit codes: 0 done, 1 fault during the run, 2 wrong use or bad input.")]
+    Demo(run::DemoArgs),
+    /// Run a scenario to its end and report
+    #[command(after_help = "Examples:\n  hilare run rectangle\n  hilare run so --clock lockstep --json\n  \
+        hilare run rectangle --path my.csv --set plant.slip_mean=0.03 --out runs/mine\n\
+        Exit codes: 0 arrived, 1 fault or not arrived, 2 wrong use or bad input.")]
+    Run(run::RunArgs),
+    /// Bring a robot up and keep it up
+    #[command(after_help = "Examples:\n  hilare up epuck --detach && hilare arm && hilare follow path.csv\n  \
+        hilare up my_robot.toml\nExit codes: 0 ended by hilare down or Ctrl-C, 1 fault, 2 wrong use or bad input.")]
+    Up(up::UpArgs),
+    /// Stop the robot and end its processes
+    #[command(after_help = "Example: hilare down --robot epuck\nExit codes: 0 done, 1 it did not end, 2 no such robot.")]
+    Down(operate::RobotArgs),
+    /// Show the robot and its processes
+    #[command(after_help = "Example: hilare status --json\nExit codes: 0 shown, 1 the robot has a fault, 2 no such robot.")]
+    Status(operate::RobotArgs),
+    /// Ramp to a stop and stay until armed
+    #[command(after_help = "Example: hilare stop\nExit codes: 0 done, 1 refused, 2 no such robot.")]
+    Stop(operate::RobotArgs),
+    /// Emergency stop: at once, latched until reset
+    #[command(after_help = "Example: hilare estop\nExit codes: 0 done, 1 refused, 2 no such robot.")]
+    Estop(operate::RobotArgs),
+    /// Release the emergency stop; the robot stays disarmed
+    #[command(after_help = "Example: hilare reset && hilare arm\nExit codes: 0 done, 1 refused, 2 no such robot.")]
+    Reset(operate::RobotArgs),
+    /// Let commands act
+    #[command(after_help = "Example: hilare arm\nExit codes: 0 done, 1 refused, 2 no such robot.")]
+    Arm(operate::RobotArgs),
+    /// Follow the waypoints of a CSV file (header x,y, metres)
+    #[command(after_help = "Example: hilare follow path.csv\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot.")]
+    Follow(operate::FollowArgs),
+    /// Drive straight to a point (metres, world frame)
+    #[command(after_help = "Example: hilare goal 0.6 0.5\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot.")]
+    Goal(operate::GoalArgs),
+    /// Print the block diagram the wires are built from
+    #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
+    Diagram(diagram::DiagramArgs),
+    /// Check what this machine allows, each finding with its cure
+    #[command(after_help = "Example: hilare doctor\nExit codes: 0 nothing stands in the way, 1 something does, 2 wrong use.")]
+    Doctor(doctor::DoctorArgs),
+    /// Print a completion script for a shell
+    #[command(after_help = "Example: hilare completions bash > ~/.local/share/bash-completion/completions/hilare")]
+    Completions {
+        /// bash, zsh, fish, elvish or powershell
+        shell: clap_complete::Shell,
+    },
+    /// A worker process; started by launch, not by people
+    #[command(hide = true)]
+    Service(service::ServiceArgs),
+}
+
+/// Parses the command line, runs the verb, answers with its exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.verb {
+        None => run::demo(&run::DemoArgs::default()),
+        Some(Verb::Demo(args)) => run::demo(&args),
+        Some(Verb::Run(args)) => run::run(&args),
+        Some(Verb::Up(args)) => up::up(&args),
+        Some(Verb::Down(args)) => operate::down(&args),
+        Some(Verb::Status(args)) => operate::status(&args),
+        Some(Verb::Stop(args)) => operate::order(&args, &crate::manager::control::Request::Stop),
+        Some(Verb::Estop(args)) => operate::order(&args, &crate::manager::control::Request::Estop),
+        Some(Verb::Reset(args)) => operate::order(&args, &crate::manager::control::Request::Reset),
+        Some(Verb::Arm(args)) => operate::order(&args, &crate::manager::control::Request::Arm),
+        Some(Verb::Follow(args)) => operate::follow(&args),
+        Some(Verb::Goal(args)) => operate::goal(&args),
+        Some(Verb::Diagram(args)) => diagram::diagram(&args),
+        Some(Verb::Doctor(args)) => doctor::doctor(&args),
+        Some(Verb::Completions { shell }) => {
+            clap_complete::generate(shell, &mut Cli::command(), "hilare", &mut io::stdout());
+            Ok(ExitCode::SUCCESS)
+        }
+        Some(Verb::Service(args)) => service::service(&args),
+    };
+    result.unwrap_or_else(|failure| {
+        let (message, code) = match failure {
+            Failure::Refused(message) => (message, 2),
+            Failure::Fault(message) => (message, 1),
+        };
+        let _ = writeln!(io::stderr(), "hilare: {message}");
+        ExitCode::from(code)
+    })
+}
+
+/// What a verb comes to.
+type VerbResult = Result<ExitCode, Failure>;
+
+/// Prints to standard output; a reader that went away is no fault of ours.
+fn print(text: &str) {
+    let mut out = io::stdout().lock();
+    let _ = out.write_all(text.as_bytes());
+    let _ = out.flush();
+}
+
+fn refused(error: impl std::fmt::Display) -> Failure {
+    Failure::Refused(error.to_string())
+}

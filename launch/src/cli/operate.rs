@@ -1,0 +1,134 @@
+//! Verbs that speak to a running robot.
+
+use super::{VerbResult, print, refused};
+use crate::manager::control::{Request, Response, ask};
+use crate::manager::robot_dir::{living_robots, socket_path};
+use crate::manager::{Failure, status::Status};
+use clap::Args;
+use std::fs::File;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Which robot.
+#[derive(Args)]
+pub struct RobotArgs {
+    /// Its name [default: the one robot that is up]
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Answer in JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Options of `hilare follow`.
+#[derive(Args)]
+pub struct FollowArgs {
+    /// Waypoints: CSV with the header x,y, metres
+    #[arg(value_name = "FILE.csv")]
+    file: PathBuf,
+    #[command(flatten)]
+    robot: RobotArgs,
+}
+
+/// Options of `hilare goal`.
+#[derive(Args)]
+pub struct GoalArgs {
+    /// World x, metres
+    #[arg(value_name = "X", allow_negative_numbers = true)]
+    x_m: f64,
+    /// World y, metres
+    #[arg(value_name = "Y", allow_negative_numbers = true)]
+    y_m: f64,
+    /// Final heading, radians
+    #[arg(value_name = "THETA", allow_negative_numbers = true)]
+    theta_rad: Option<f64>,
+    #[command(flatten)]
+    robot: RobotArgs,
+}
+
+fn choose(robot: Option<&String>) -> Result<String, Failure> {
+    let living = living_robots();
+    let names = || living.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    match (robot, &living[..]) {
+        (Some(robot), _) if living.iter().any(|(name, _)| name == robot) => Ok(robot.clone()),
+        (Some(robot), []) => Err(refused(format!("robot {robot:?} is not up; hilare up SYSTEM --robot {robot}"))),
+        (Some(robot), _) => Err(refused(format!("robot {robot:?} is not up; up are: {}", names()))),
+        (None, [(only, _)]) => Ok(only.clone()),
+        (None, []) => Err(refused("no robot is up; hilare up SYSTEM")),
+        (None, _) => Err(refused(format!("several robots are up ({}); say which with --robot NAME", names()))),
+    }
+}
+
+fn send(robot: &str, request: &Request) -> Result<Response, Failure> {
+    ask(&socket_path(robot), request)
+        .map_err(|error| Failure::Fault(format!("robot {robot:?} does not answer: {error}")))
+}
+
+fn show(response: &Response, json: bool) -> VerbResult {
+    if json {
+        print(&format!("{}\n", serde_json::json!({ "ok": response.ok, "message": response.message })));
+    } else if response.ok {
+        print(&format!("{}\n", response.message));
+    }
+    match (response.ok, json) {
+        (true, _) => Ok(ExitCode::SUCCESS),
+        (false, true) => Ok(ExitCode::from(1)),
+        (false, false) => Err(Failure::Fault(format!("refused: {}", response.message))),
+    }
+}
+
+/// A request without parameters.
+pub fn order(args: &RobotArgs, request: &Request) -> VerbResult {
+    let robot = choose(args.robot.as_ref())?;
+    show(&send(&robot, request)?, args.json)
+}
+
+/// `hilare status`.
+pub fn status(args: &RobotArgs) -> VerbResult {
+    let robot = choose(args.robot.as_ref())?;
+    let status: Status = send(&robot, &Request::Status)?
+        .status
+        .ok_or_else(|| Failure::Fault("launch answered without a status; another version of hilare?".to_owned()))?;
+    if args.json {
+        print(&format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default()));
+    } else {
+        print(&status.to_text());
+    }
+    Ok(if status.fault.is_some() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// `hilare down`: returns when the robot's launch is gone.
+pub fn down(args: &RobotArgs) -> VerbResult {
+    let robot = choose(args.robot.as_ref())?;
+    let response = send(&robot, &Request::Down)?;
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while living_robots().iter().any(|(name, _)| *name == robot) {
+        if Instant::now() > deadline {
+            return Err(Failure::Fault(format!("robot {robot:?} did not end within 10 s")));
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    show(&Response::done(if response.ok { format!("{robot} is down") } else { response.message }), args.json)
+}
+
+/// `hilare follow`: the file is checked here, so that its own line numbers can be named.
+pub fn follow(args: &FollowArgs) -> VerbResult {
+    let file = args.file.display();
+    let text = File::open(&args.file).map_err(|error| refused(format!("{file}: cannot be read: {error}")))?;
+    let waypoints = hilare_planner::waypoint_file::parse(text).map_err(|error| match error.line {
+        0 => refused(format!("{file}: {}", error.message)),
+        line => refused(format!("{file}:{line}: {}", error.message)),
+    })?;
+    let points = waypoints.iter().map(|point| [point.x_m, point.y_m]).collect();
+    order(&args.robot, &Request::Follow(points))
+}
+
+/// `hilare goal`.
+pub fn goal(args: &GoalArgs) -> VerbResult {
+    let numbers = [args.x_m, args.y_m, args.theta_rad.unwrap_or(0.0)];
+    if !numbers.iter().all(|number| number.is_finite()) {
+        return Err(refused("goal: finite numbers are wanted, metres and radians"));
+    }
+    order(&args.robot, &Request::Goal { x_m: args.x_m, y_m: args.y_m, theta_rad: args.theta_rad })
+}

@@ -1,0 +1,309 @@
+//! `hilare run` and `hilare demo`.
+
+use super::{VerbResult, print, refused};
+use crate::config::Scenario;
+use crate::logging::{self, LogSink};
+use crate::manager::{Failure, Job, Manager};
+use crate::report::{Counters, PlotInput, PublishedRow, RunIdentity, Summary, verdict_text, write_report};
+use crate::shell::ClockKind;
+use crate::shell::in_process::InProcess;
+use crate::shell::observer::Handover;
+use clap::Args;
+use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::latency::Quantiles;
+use hilare_interfaces::messages::{Mode, Steps};
+use hilare_recorder::trace::TraceRow;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::fs;
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+use tracing::Level;
+
+/// Options of `hilare demo`.
+#[derive(Args, Default)]
+pub struct DemoArgs {
+    /// Directory for the report [default: runs/rectangle-kanayama-real-N]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Name the robot runs under
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Print summary.json instead of the verdict
+    #[arg(long)]
+    json: bool,
+}
+
+/// Options of `hilare run`.
+#[derive(Args)]
+pub struct RunArgs {
+    /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so]
+    #[arg(value_name = "SCENARIO", default_value = "rectangle", required_unless_present = "path")]
+    scenario: String,
+    /// Follow these waypoints instead (CSV, header x,y, metres), starting on the first, heading 0
+    #[arg(long, value_name = "FILE.csv")]
+    path: Option<PathBuf>,
+    /// Start pose instead: metres, metres, radians
+    #[arg(long, value_name = "X,Y,THETA", allow_hyphen_values = true)]
+    start: Option<String>,
+    /// Control law
+    #[arg(long, value_name = "LAW")]
+    controller: Option<String>,
+    /// What drives the ticks: real, lockstep or in-process
+    #[arg(long, value_name = "CLOCK", default_value = "real")]
+    clock: ClockKind,
+    /// Seed of the simulated slip and start error
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Set a key of the system file, e.g. plant.slip_mean=0.03 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
+    /// Name the robot runs under
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Directory for the report [default: runs/SCENARIO-LAW-CLOCK-N]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print summary.json instead of the verdict
+    #[arg(long)]
+    json: bool,
+}
+
+/// The standard job: the closed rectangle, in real time.
+pub fn demo(args: &DemoArgs) -> VerbResult {
+    run(&RunArgs {
+        scenario: "rectangle".to_owned(),
+        path: None,
+        start: None,
+        controller: None,
+        clock: ClockKind::Real,
+        seed: None,
+        set: Vec::new(),
+        robot: args.robot.clone(),
+        out: args.out.clone(),
+        json: args.json,
+    })
+}
+
+/// A scenario to its end, with a report.
+pub fn run(args: &RunArgs) -> VerbResult {
+    let scenario = resolve(args)?;
+    let out = open_out_dir(args, &scenario)?;
+    let log = LogSink::new(Level::WARN);
+    logging::init_launch(&log);
+    log.to_file(&out.join("hilare.log")).map_err(|e| refused(format!("{}: {e}", out.display())))?;
+    fs::write(out.join("system.toml"), scenario.system.to_toml())
+        .map_err(|e| refused(format!("{}: {e}", out.display())))?;
+    let max_ticks = time_limit(&scenario);
+    let end = match args.clock {
+        ClockKind::InProcess => run_in_process(&scenario, max_ticks)?,
+        ClockKind::Real | ClockKind::Lockstep => run_processes(args, &scenario, max_ticks, &log)?,
+    };
+    report(args, &scenario, &out, end)
+}
+
+/// What a run came to.
+struct End {
+    handover: Option<Handover>,
+    rows: Vec<TraceRow>,
+    trace_csv: String,
+    steps: Steps,
+    lateness: Quantiles,
+    restarts: u64,
+    /// Why it ended before it arrived.
+    stopped_by: Option<String>,
+    /// Something broke.
+    fault: bool,
+}
+
+fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
+    let mut scenario = Scenario::load(&args.scenario).map_err(refused)?;
+    if let Some(path) = &args.path {
+        scenario = scenario.with_path(path).map_err(refused)?;
+        scenario.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    }
+    let mut set = args.set.clone();
+    set.extend(args.controller.iter().map(|law| format!("controller.law={law}")));
+    set.extend(args.seed.iter().map(|seed| format!("plant.seed={seed}")));
+    set.extend(args.robot.iter().map(|robot| format!("robot={robot}")));
+    scenario.system.set_all(&set).map_err(refused)?;
+    if let Some(start) = &args.start {
+        scenario.system.start = parse_start(start)?;
+    }
+    Ok(scenario)
+}
+
+fn parse_start(text: &str) -> Result<WorldPose, Failure> {
+    let wrong = || refused(format!("--start {text}: three finite numbers are wanted, X,Y,THETA in metres and radians"));
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    match numbers.map_err(|_| wrong())?[..] {
+        [x_m, y_m, theta_rad] if [x_m, y_m, theta_rad].iter().all(|n| n.is_finite() && n.abs() <= 1e5) => {
+            Ok(WorldPose::new(x_m, y_m, theta_rad))
+        }
+        _ => Err(wrong()),
+    }
+}
+
+/// Makes the report's directory now, so that an unwritable one is known before the robot moves.
+fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
+    let dir = match &args.out {
+        Some(dir) => dir.clone(),
+        None => {
+            let law = scenario.system.controller.law.name;
+            let stem = format!("{}-{law}-{}", scenario.name, args.clock);
+            (1..)
+                .map(|n| Path::new("runs").join(format!("{stem}-{n}")))
+                .find(|dir| !dir.exists())
+                .unwrap_or_else(|| Path::new("runs").join(stem))
+        }
+    };
+    let failed = |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
+    fs::create_dir_all(&dir).map_err(failed)?;
+    let probe = dir.join(".hilare-probe");
+    fs::write(&probe, b"").and_then(|()| fs::remove_file(&probe)).map_err(failed)?;
+    Ok(dir)
+}
+
+/// Ticks after which a run that has not arrived is ended: five times what the path takes at the
+/// reference speed, and a minute.
+fn time_limit(scenario: &Scenario) -> Tick {
+    let length: f64 = scenario.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum();
+    let seconds = 60.0 + 5.0 * length / scenario.system.tracking.speed_mps.max(1e-4);
+    (seconds.min(1e7) as Tick) * TICKS_PER_SECOND
+}
+
+const TIME_LIMIT: &str = "the time limit (a minute and five times what the path takes) ran out";
+
+fn run_in_process(scenario: &Scenario, max_ticks: Tick) -> Result<End, Failure> {
+    let mut system = InProcess::new(&scenario.system, &scenario.waypoints).map_err(refused)?;
+    let record = system.run(max_ticks);
+    Ok(End {
+        stopped_by: (!system.arrived()).then(|| TIME_LIMIT.to_owned()),
+        fault: false,
+        steps: *system.steps(),
+        rows: record.trace.rows().to_vec(),
+        trace_csv: record.trace.to_csv(),
+        handover: Some(Handover { figures: record.statistics.figures(), gaps: 0 }),
+        lateness: Quantiles::default(),
+        restarts: 0,
+    })
+}
+
+fn run_processes(args: &RunArgs, scenario: &Scenario, max_ticks: Tick, log: &LogSink) -> Result<End, Failure> {
+    let job = Job {
+        system: scenario.system.clone(),
+        clock: args.clock,
+        waypoints: scenario.waypoints.clone(),
+        record: true,
+    };
+    let bar = progress_bar(args, scenario);
+    log.around(Some(bar.clone()));
+    let mut manager = Manager::start(job, log)?;
+    manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    let stopped_by = loop {
+        manager.step(Duration::from_millis(20));
+        show(&bar, &manager);
+        if manager.arrived() {
+            break None;
+        }
+        if let Some(fault) = manager.fault() {
+            break Some(fault.to_owned());
+        }
+        if manager.told_to_end() {
+            break Some("interrupted".to_owned());
+        }
+        if manager.newest().steps.tick >= max_ticks {
+            break Some(TIME_LIMIT.to_owned());
+        }
+    };
+    bar.finish_and_clear();
+    log.around(None);
+    let outcome = manager.end();
+    let fault = outcome.fault.is_some() || outcome.handover.is_none();
+    let (rows, trace_csv) = match outcome.trace_csv {
+        Some(csv) => (hilare_recorder::trace::parse_csv(&csv).map_err(Failure::Fault)?, csv),
+        None => (Vec::new(), String::new()),
+    };
+    let lost = outcome.handover.is_none().then(|| "the recorder died; its figures are lost".to_owned());
+    Ok(End {
+        stopped_by: stopped_by.or(lost),
+        fault,
+        steps: outcome.steps,
+        rows,
+        trace_csv,
+        handover: outcome.handover,
+        lateness: outcome.lateness,
+        restarts: outcome.restarts,
+    })
+}
+
+fn progress_bar(args: &RunArgs, scenario: &Scenario) -> ProgressBar {
+    if args.json || !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(scenario.waypoints.len() as u64 - 1), ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template("{prefix} [{bar:30}] waypoint {pos}/{len}  {msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
+    bar.set_prefix(format!("{} ({})", scenario.name, args.clock));
+    bar
+}
+
+fn show(bar: &ProgressBar, manager: &Manager) {
+    if bar.is_hidden() {
+        return;
+    }
+    let newest = manager.newest();
+    bar.set_position(newest.reference.index.saturating_sub(1));
+    bar.set_message(format!(
+        "{:.1} s  x {:.0} mm  y {:.0} mm  {:.1} mm/s",
+        newest.steps.tick as f64 / TICKS_PER_SECOND as f64,
+        newest.pose.x_m * 1e3,
+        newest.pose.y_m * 1e3,
+        newest.steps.commanded_twist().speed_mps() * 1e3
+    ));
+}
+
+fn report(args: &RunArgs, scenario: &Scenario, out: &Path, end: End) -> VerbResult {
+    let Some(handover) = end.handover else {
+        return Err(Failure::Fault(end.stopped_by.unwrap_or_default()));
+    };
+    let law = scenario.system.controller.law.name;
+    let summary = Summary::new(
+        RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
+        &handover.figures,
+        scenario.system.chassis.wheels(),
+        Counters::new(&end.steps, 0, end.restarts),
+        end.lateness,
+    );
+    let plots = PlotInput {
+        title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
+        waypoints: &scenario.waypoints,
+        acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
+        reference_speed_mps: scenario.system.tracking.speed_mps,
+        rows: &end.rows,
+    };
+    write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
+    if args.json {
+        print(&summary.to_json());
+    } else {
+        let published: Vec<PublishedRow<'_>> = scenario
+            .published
+            .iter()
+            .map(|row| PublishedRow {
+                source: &row.source,
+                cross_track_mean_m: row.cross_track_mean_m,
+                speed_error_mean_mps: row.speed_error_mean_mps,
+            })
+            .collect();
+        let color = io::stdout().is_terminal();
+        print(&verdict_text(&summary, &published, end.stopped_by.as_deref(), color));
+        print(&format!("Report: {}\n", out.display()));
+    }
+    if handover.gaps > 0 {
+        return Err(Failure::Fault(format!("{} ticks were lost to the recorder; the figures lack them", handover.gaps)));
+    }
+    let arrived = summary.reached && !end.fault;
+    Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}

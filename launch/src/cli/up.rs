@@ -1,0 +1,131 @@
+//! `hilare up`: a robot that stays up.
+
+use super::{VerbResult, print, refused};
+use crate::config::System;
+use crate::logging::{self, LogSink};
+use crate::manager::control::{Request, ask};
+use crate::manager::robot_dir::socket_path;
+use crate::manager::{Failure, Job, Manager};
+use crate::shell::ClockKind;
+use clap::Args;
+use hilare_interfaces::messages::Mode;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+use tracing::{Level, info};
+
+/// Options of `hilare up`.
+#[derive(Args)]
+pub struct UpArgs {
+    /// Built-in system or a .toml file [built-in: epuck]
+    #[arg(value_name = "SYSTEM", default_value = "epuck")]
+    system: String,
+    /// Set a key of the system file, e.g. limits.v_max_mps=0.05 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
+    /// Name the robot runs under [default: the system's]
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Control law
+    #[arg(long, value_name = "LAW")]
+    controller: Option<String>,
+    /// Write the merged log of all processes to this file as well
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Return once the robot is up; end it with hilare down
+    #[arg(long, short)]
+    detach: bool,
+    /// Print the status as JSON once it is up (with --detach)
+    #[arg(long)]
+    json: bool,
+}
+
+/// Brings a robot up; in the foreground until Ctrl-C or `hilare down`.
+pub fn up(args: &UpArgs) -> VerbResult {
+    let mut system = System::load(&args.system).map_err(refused)?;
+    let mut set = args.set.clone();
+    set.extend(args.controller.iter().map(|law| format!("controller.law={law}")));
+    set.extend(args.robot.iter().map(|robot| format!("robot={robot}")));
+    system.set_all(&set).map_err(refused)?;
+    if args.detach {
+        return detach(args, &system.robot);
+    }
+    let log = LogSink::new(Level::INFO);
+    logging::init_launch(&log);
+    if let Some(file) = &args.log {
+        log.to_file(file).map_err(|e| refused(format!("--log {}: {e}", file.display())))?;
+    }
+    let arm = system.supervision.arm_on_start;
+    let robot = system.robot.clone();
+    let job = Job { system, clock: ClockKind::Real, waypoints: Vec::new(), record: false };
+    let mut manager = Manager::start(job, &log)?;
+    if arm {
+        manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    }
+    info!("{robot} is up{}", if arm { " and armed" } else { "; hilare arm lets it drive" });
+    while !manager.told_to_end() && manager.fault().is_none() {
+        manager.step(Duration::from_millis(50));
+    }
+    let outcome = manager.end();
+    match outcome.fault {
+        Some(fault) => Err(Failure::Fault(fault)),
+        None => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Starts the same command in a session of its own and waits until the robot answers.
+fn detach(args: &UpArgs, robot: &str) -> VerbResult {
+    let fault = |e: std::io::Error| Failure::Fault(format!("cannot start launch: {e}"));
+    let mut command = Command::new(std::env::current_exe().map_err(fault)?);
+    command.arg("up").arg(&args.system);
+    for (flag, values) in [("--set", &args.set[..]), ("--robot", args.robot.as_slice()), ("--controller", args.controller.as_slice())] {
+        for value in values {
+            command.arg(format!("{flag}={value}"));
+        }
+    }
+    if let Some(file) = &args.log {
+        command.arg("--log").arg(file);
+    }
+    let mut child = command
+        .process_group(0)
+        .current_dir(std::env::current_dir().map_err(fault)?)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(fault)?;
+    let deadline = Instant::now() + Duration::from_secs(15);
+    loop {
+        if child.try_wait().map_err(fault)?.is_some() {
+            return Err(why_it_ended(&mut child));
+        }
+        // Another launch may hold the name: then the child ends by itself and says so.
+        let answer = ask(&socket_path(robot), &Request::Status).ok().and_then(|answer| answer.status);
+        if let Some(status) = answer.filter(|status| status.launch_pid == child.id()) {
+            if status.processes.iter().all(|process| process.state != "starting") {
+                let text = if args.json {
+                    format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
+                } else {
+                    format!("{robot} is up, launch has pid {}; next: hilare arm, hilare follow FILE.csv\n", child.id())
+                };
+                print(&text);
+                return Ok(ExitCode::SUCCESS);
+            }
+        }
+        if Instant::now() > deadline {
+            let _ = child.kill();
+            return Err(Failure::Fault("launch did not come up within 15 s".to_owned()));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// The last line the child wrote, which says why.
+fn why_it_ended(child: &mut std::process::Child) -> Failure {
+    let code = child.wait().ok().and_then(|status| status.code());
+    let last = child.stderr.take().and_then(|errors| BufReader::new(errors).lines().map_while(Result::ok).last());
+    let why = last.map_or_else(|| "launch ended at once".to_owned(), |line| line.replacen("hilare: ", "", 1));
+    if code == Some(2) { Failure::Refused(why) } else { Failure::Fault(why) }
+}

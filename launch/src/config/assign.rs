@@ -1,0 +1,199 @@
+//! One value into one key, whatever door it comes through.
+
+use super::document::{Document, Entry, Value};
+use super::error::{ConfigError, quoted};
+use super::keys::{Form, KIND, LAW, ROBOT, Section, join, keys};
+use super::{System, conflict, suggest};
+use hilare_controller::law;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
+use hilare_interfaces::params::{ParamError, ParamKind, ParamSpec};
+
+/// Applies a file's entries to a system and checks the outcome. Text goes first, because the kind of the
+/// chassis decides which keys there are.
+pub(super) fn apply(
+    system: &mut System,
+    file: &Document<'_>,
+    entries: Vec<Entry<'_>>,
+) -> Result<(), ConfigError> {
+    let (texts, others): (Vec<_>, Vec<_>) =
+        entries.into_iter().partition(|entry| is_text_key(&entry.section, entry.name));
+    for entry in texts.iter().chain(&others) {
+        assign(system, entry).map_err(|what| file.error(entry.offset, what))?;
+    }
+    let Some(conflict) = conflict::find(system) else { return Ok(()) };
+    let guilty = texts.iter().chain(&others).filter(|entry| conflict.involves(&entry.section, entry.name));
+    Err(match guilty.map(|entry| entry.offset).max() {
+        Some(offset) => file.error(offset, conflict.what),
+        None => file.error_of_file(conflict.what),
+    })
+}
+
+/// Applies `KEY=VALUE` assignments to a system and checks the outcome.
+pub(super) fn apply_assignments<S: AsRef<str>>(
+    system: &mut System,
+    assignments: &[S],
+) -> Result<(), ConfigError> {
+    let mut parsed = Vec::new();
+    for assignment in assignments {
+        let assignment = assignment.as_ref();
+        let place = format!("--set {assignment}");
+        let Some((key, value)) = assignment.split_once('=') else {
+            return Err(ConfigError::new(place, "write KEY=VALUE, for example plant.slip_mean=0.05"));
+        };
+        let (section, name) = split_key(key.trim());
+        let value = Value::Word(value.trim());
+        parsed.push((place, Entry { prefix: "", section: section.to_owned(), name, value, offset: 0 }));
+    }
+    let (texts, others): (Vec<_>, Vec<_>) =
+        parsed.into_iter().partition(|(_, entry)| is_text_key(&entry.section, entry.name));
+    for (place, entry) in texts.iter().chain(&others) {
+        assign(system, entry).map_err(|what| ConfigError::new(place, what))?;
+    }
+    let Some(conflict) = conflict::find(system) else { return Ok(()) };
+    let guilty =
+        texts.iter().chain(&others).rfind(|(_, entry)| conflict.involves(&entry.section, entry.name));
+    Err(match guilty {
+        Some((place, _)) => ConfigError::new(place, conflict.what),
+        None => ConfigError::new(&system.robot, conflict.what),
+    })
+}
+
+/// Checks a system that did not come from a file, or says what is wrong with it.
+pub(super) fn check_all(system: &System) -> Result<(), String> {
+    check_robot_name(&system.robot)?;
+    for key in keys().filter(|key| key.section.fits(&system.chassis)) {
+        if let Form::Number(spec) = key.form {
+            let value = key.section.get(system, key.name).unwrap_or(f64::NAN);
+            spec.check(value).map_err(|error| format!("{}: {}", key.path(), refusal(spec, error)))?;
+        }
+    }
+    conflict::find(system).map_or(Ok(()), |conflict| Err(conflict.what))
+}
+
+/// Section and name of a full key.
+pub(super) fn split_key(key: &str) -> (&str, &str) {
+    key.rsplit_once('.').unwrap_or(("", key))
+}
+
+fn is_text_key(section: &str, name: &str) -> bool {
+    Section::all().any(|known| known.path() == section && known.text().is_some_and(|text| text.name == name))
+}
+
+/// Sets one key, or says what is wrong with it.
+fn assign(system: &mut System, entry: &Entry<'_>) -> Result<(), String> {
+    let Entry { prefix, section: path, name, value, .. } = entry;
+    if let Some(child) = Section::child(path, name) {
+        return match value {
+            Value::Section => Ok(()),
+            _ => {
+                Err(format!("{prefix}{child} is a section; write [{prefix}{child}] once and its keys below"))
+            }
+        };
+    }
+    let Some(section) = Section::of(path, &system.chassis) else {
+        return Err(match value {
+            Value::Section => unknown_table(prefix, path, name),
+            _ => suggest::unknown_in_no_section(prefix, path, name),
+        });
+    };
+    let full = format!("{prefix}{}", join(path, name));
+    let known = section.keys().any(|key| key.name == *name);
+    if *value == Value::Section {
+        return Err(if known {
+            format!("{full} is a key, not a section; write {name} = VALUE in [{prefix}{path}]")
+        } else {
+            unknown_table(prefix, path, name)
+        });
+    }
+    if section.text().is_some_and(|text| text.name == *name) {
+        return put_text(system, name, value).map_err(|what| format!("{full}: {what}"));
+    }
+    let Some(spec) = section.specs().iter().find(|spec| spec.name == *name) else {
+        return Err(suggest::unknown_key(prefix, section, &system.chassis, name));
+    };
+    let number = check_number(spec, value).map_err(|what| format!("{full}: {what}"))?;
+    section.put(system, name, number);
+    Ok(())
+}
+
+fn unknown_table(prefix: &str, path: &str, name: &str) -> String {
+    if name.contains('.') {
+        return format!("unknown section {} in quotes; dots separate only outside of quotes", quoted(name));
+    }
+    suggest::unknown_section(prefix, &join(path, name))
+}
+
+/// The number of a value that fits its key, or what is wrong with it.
+pub(super) fn check_number(spec: &'static ParamSpec, value: &Value<'_>) -> Result<f64, String> {
+    let number = match (spec.kind, value) {
+        (ParamKind::Switch, Value::Switch(on)) => return Ok(f64::from(u8::from(*on))),
+        (ParamKind::Switch, Value::Word("true")) => return Ok(1.0),
+        (ParamKind::Switch, Value::Word("false")) => return Ok(0.0),
+        (ParamKind::Switch, _) => return Err(format!("{} is not true or false", value.describe())),
+        (_, Value::Number(number)) => *number,
+        (_, Value::Word(word)) => match word.parse() {
+            Ok(number) => number,
+            Err(_) => return Err(format!("{} is not a number; write {}", quoted(word), range(spec))),
+        },
+        (_, Value::Text(text)) => {
+            return Err(format!("{} is text; write a number without quotes, {}", quoted(text), range(spec)));
+        }
+        (_, Value::Switch(_) | Value::Section | Value::Other(_)) => {
+            return Err(format!("{} is not a number; write {}", value.describe(), range(spec)));
+        }
+    };
+    spec.check(number).map_err(|error| refusal(spec, error))
+}
+
+fn refusal(spec: &ParamSpec, error: ParamError) -> String {
+    match error {
+        ParamError::NotFinite | ParamError::NotInteger => format!("{error}, {}", range(spec)),
+        ParamError::OutOfBounds { value, .. } if spec.unit == "rad" => {
+            let radians = value.to_radians();
+            let fits = (spec.min..=spec.max).contains(&radians);
+            let hint = format!("; did you mean {radians:.4} (radians, not degrees)?");
+            format!("{error}{}", if fits { &hint } else { "" })
+        }
+        // Pure numbers have no unit to print.
+        _ => error.to_string().replace("  ", " ").trim_end().to_owned(),
+    }
+}
+
+/// What a key allows.
+pub(super) fn range(spec: &ParamSpec) -> String {
+    format!("{} to {} {}", spec.min, spec.max, spec.unit).trim_end().to_owned()
+}
+
+fn put_text(system: &mut System, name: &str, value: &Value<'_>) -> Result<(), String> {
+    let (Value::Text(text) | Value::Word(text)) = *value else {
+        return Err(format!("{} is not text; write it in quotes", value.describe()));
+    };
+    if name == ROBOT.name {
+        check_robot_name(text)?;
+        system.robot = text.to_owned();
+    } else if name == LAW.name {
+        system.controller.law = law(text).ok_or_else(|| suggest::unknown_choice(&LAW, text))?;
+    } else if text != system.chassis.name() {
+        system.chassis = match text {
+            "differential" => Chassis::Differential(DifferentialParams::default()),
+            "mecanum" => Chassis::Mecanum(MecanumParams::default()),
+            _ => return Err(suggest::unknown_choice(&KIND, text)),
+        };
+    }
+    Ok(())
+}
+
+/// Names of files and shared memory are made from it.
+fn check_robot_name(name: &str) -> Result<(), String> {
+    let plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+    let fine = (1..=32).contains(&name.len())
+        && name.bytes().all(|byte| plain(byte) || byte == b'-' || byte == b'_')
+        && name.bytes().next().is_some_and(plain);
+    if fine {
+        return Ok(());
+    }
+    Err(format!(
+        "{} is no robot name; use 1 to 32 of a-z, 0-9, - and _, the first a letter or digit",
+        quoted(name)
+    ))
+}

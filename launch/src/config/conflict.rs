@@ -1,0 +1,113 @@
+//! Values that are fine alone and do not fit each other.
+
+use super::System;
+use hilare_interfaces::block::TICK_S;
+use hilare_interfaces::chassis::Chassis;
+
+/// Chassis the simulated robot has contact models for.
+const PLANT_CHASSIS: &[&str] = &["differential"];
+
+/// Two or more keys that contradict each other.
+pub(super) struct Conflict {
+    keys: &'static [(&'static str, &'static str)],
+    /// Which, why, and what to do.
+    pub what: String,
+}
+
+impl Conflict {
+    /// True if a key takes part.
+    pub(super) fn involves(&self, section: &str, name: &str) -> bool {
+        self.keys.contains(&(section, name))
+    }
+}
+
+/// The first conflict in a system.
+pub(super) fn find(system: &System) -> Option<Conflict> {
+    reversed_limits(system)
+        .or_else(|| law_on_chassis(system))
+        .or_else(|| plant_for_chassis(system))
+        .or_else(|| steps_a_tick(system))
+}
+
+fn reversed_limits(system: &System) -> Option<Conflict> {
+    let limits = &system.limits;
+    if limits.v_min_mps > limits.v_max_mps {
+        let what = format!(
+            "limits.v_min_mps {} is above limits.v_max_mps {}, so no speed is allowed; lower v_min_mps or raise v_max_mps",
+            limits.v_min_mps, limits.v_max_mps
+        );
+        return Some(Conflict { keys: &[("limits", "v_min_mps"), ("limits", "v_max_mps")], what });
+    }
+    if limits.omega_min_radps > limits.omega_max_radps {
+        let what = format!(
+            "limits.omega_min_radps {} is above limits.omega_max_radps {}, so no turn is allowed; \
+             lower omega_min_radps or raise omega_max_radps",
+            limits.omega_min_radps, limits.omega_max_radps
+        );
+        return Some(Conflict {
+            keys: &[("limits", "omega_min_radps"), ("limits", "omega_max_radps")],
+            what,
+        });
+    }
+    None
+}
+
+fn law_on_chassis(system: &System) -> Option<Conflict> {
+    let (law, kind) = (system.controller.law, system.chassis.name());
+    if law.chassis.contains(&kind) {
+        return None;
+    }
+    let what = format!(
+        "controller.law {:?} drives {} chassis, not {kind:?}; choose another law or chassis.kind",
+        law.name,
+        law.chassis.join(" and ")
+    );
+    Some(Conflict { keys: &[("controller", "law"), ("chassis", "kind")], what })
+}
+
+fn plant_for_chassis(system: &System) -> Option<Conflict> {
+    let kind = system.chassis.name();
+    if PLANT_CHASSIS.contains(&kind) {
+        return None;
+    }
+    let what = format!(
+        "there is no simulated robot for chassis.kind {kind:?}; choose {}",
+        PLANT_CHASSIS.join(" or ")
+    );
+    Some(Conflict { keys: &[("chassis", "kind")], what })
+}
+
+/// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.
+fn steps_a_tick(system: &System) -> Option<Conflict> {
+    let fastest_radps = system.chassis.wheel_speed_max_radps().into_iter().fold(0.0, f64::max);
+    let step_rad = system.step_rad();
+    if fastest_radps * TICK_S <= step_rad {
+        return None;
+    }
+    // Rounded down, so that the advice holds.
+    let top_radps = (step_rad / TICK_S * 1e3).floor() / 1e3;
+    let what = format!(
+        "a wheel at {fastest_radps} rad/s needs more than one step of {step_rad:.3e} rad a tick (1 ms); lower \
+         chassis.{} to {top_radps} rad/s or raise stepper.step_length_m",
+        wheel_speed_key(system, fastest_radps)
+    );
+    let keys = &[
+        ("chassis", "wheel_speed_max_right_radps"),
+        ("chassis", "wheel_speed_max_left_radps"),
+        ("chassis", "wheel_speed_max_radps"),
+        ("chassis", "wheel_diameter_m"),
+        ("chassis", "wheel_radius_m"),
+        ("stepper", "step_length_m"),
+    ];
+    Some(Conflict { keys, what })
+}
+
+fn wheel_speed_key(system: &System, fastest_radps: f64) -> &'static str {
+    match &system.chassis {
+        Chassis::Differential(p) if p.wheel_speed_max_right_radps == fastest_radps => {
+            "wheel_speed_max_right_radps"
+        }
+        Chassis::Differential(_) => "wheel_speed_max_left_radps",
+        Chassis::Mecanum(_) => "wheel_speed_max_radps",
+    }
+}

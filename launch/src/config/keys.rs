@@ -1,0 +1,359 @@
+//! The table of keys: sections, and which parameter group each of them is.
+
+use super::{Realtime, Supervision, System, realtime};
+use hilare_controller::LAWS;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::param_group;
+use hilare_interfaces::params::{ParamGroup, ParamSpec};
+use hilare_interfaces::wires::Role;
+use hilare_planner::MAX_COORDINATE_M;
+use hilare_plant::stepper_drive::StepperDriveParams;
+use hilare_step_generator::authority::GateParams;
+use hilare_step_generator::limits::Limits;
+use hilare_step_generator::pulses::Stepper;
+use hilare_waypoint_selector::Tracking;
+
+param_group! {
+    /// The table behind `[start]`; the values live in a [`WorldPose`].
+    StartParams {
+        /// World x the robot is assumed to start at.
+        x_m: f64 = 0.0, "m", -MAX_COORDINATE_M, MAX_COORDINATE_M;
+        /// World y.
+        y_m: f64 = 0.0, "m", -MAX_COORDINATE_M, MAX_COORDINATE_M;
+        /// Heading, counter-clockwise from world x; a turn either way, so that degrees stand out.
+        theta_rad: f64 = 0.0, "rad", -6.3, 6.3;
+    }
+}
+
+/// A key whose value is text.
+#[derive(Clone, Copy, Debug)]
+pub struct TextSpec {
+    /// Key.
+    pub name: &'static str,
+    /// Value when the key is absent.
+    pub default: &'static str,
+    /// Allowed values; empty if free.
+    pub choices: fn() -> Vec<&'static str>,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+/// Name of the robot.
+pub(super) static ROBOT: TextSpec = TextSpec {
+    name: "robot",
+    default: "epuck",
+    choices: Vec::new,
+    doc: "Name of the robot: 1 to 32 of a-z, 0-9, - and _.",
+};
+
+/// Kind of the chassis.
+pub(super) static KIND: TextSpec = TextSpec {
+    name: "kind",
+    default: "differential",
+    choices: || vec!["differential", "mecanum"],
+    doc: "What kind of chassis it is.",
+};
+
+/// Control law.
+pub(super) static LAW: TextSpec = TextSpec {
+    name: "law",
+    default: LAWS[0].name,
+    choices: || LAWS.iter().map(|law| law.name).collect(),
+    doc: "The control law that drives.",
+};
+
+/// What a key takes.
+#[derive(Clone, Copy, Debug)]
+pub enum Form {
+    /// A number or a switch.
+    Number(&'static ParamSpec),
+    /// Text.
+    Text(&'static TextSpec),
+}
+
+/// A key of the system file.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    pub(super) section: Section,
+    /// Name within its section.
+    pub name: &'static str,
+    /// What it takes.
+    pub form: Form,
+}
+
+impl Key {
+    /// Section, `controller.kanayama`; empty at the top of the file.
+    pub fn section(&self) -> String {
+        self.section.path()
+    }
+
+    /// Section and name, as `--set` takes them: `controller.kanayama.k1_per_s`.
+    pub fn path(&self) -> String {
+        join(&self.section.path(), self.name)
+    }
+
+    /// The chassis kind this key belongs to, if it does not belong to all.
+    pub fn only_for(&self) -> Option<&'static str> {
+        self.section.only_for()
+    }
+
+    /// What it is.
+    pub fn doc(&self) -> &'static str {
+        match self.form {
+            Form::Number(spec) => spec.doc.trim(),
+            Form::Text(spec) => spec.doc,
+        }
+    }
+}
+
+/// Every key of a system file, in the file's order.
+pub fn keys() -> impl Iterator<Item = Key> {
+    Section::all().flat_map(Section::keys)
+}
+
+/// A section of the system file. The two chassis share a path; a system has one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Section {
+    Top,
+    Differential,
+    Mecanum,
+    Stepper,
+    Limits,
+    Timing,
+    Tracking,
+    Controller,
+    /// Parameters of a law, by its place in [`LAWS`].
+    Law(usize),
+    Plant,
+    Start,
+    Supervision,
+    Realtime(Role),
+}
+
+impl Section {
+    /// Every section, in the file's order.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        use Section::*;
+        let head = [Top, Differential, Mecanum, Stepper, Limits, Timing, Tracking, Controller];
+        head.into_iter()
+            .chain((0..LAWS.len()).map(Law))
+            .chain([Plant, Start, Supervision])
+            .chain(Role::WORKERS.map(Realtime))
+    }
+
+    /// The section at a path, for a system with this chassis.
+    pub(super) fn of(path: &str, chassis: &Chassis) -> Option<Self> {
+        Self::all().find(|section| section.fits(chassis) && section.path() == path)
+    }
+
+    /// Path of the table `name` within `section`, if sections stand there or below.
+    pub(super) fn child(section: &str, name: &str) -> Option<String> {
+        // A dot within a quoted key separates nothing.
+        if name.is_empty() || name.contains('.') {
+            return None;
+        }
+        let path = join(section, name);
+        let leads_to = |known: String| {
+            known.strip_prefix(&path).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        Self::all().any(|known| leads_to(known.path())).then_some(path)
+    }
+
+    /// Path in the file; empty at the top.
+    pub(super) fn path(self) -> String {
+        match self {
+            Self::Top => String::new(),
+            Self::Differential | Self::Mecanum => "chassis".to_owned(),
+            Self::Stepper => "stepper".to_owned(),
+            Self::Limits => "limits".to_owned(),
+            Self::Timing => "timing".to_owned(),
+            Self::Tracking => "tracking".to_owned(),
+            Self::Controller => "controller".to_owned(),
+            Self::Law(index) => format!("controller.{}", LAWS[index].name),
+            Self::Plant => "plant".to_owned(),
+            Self::Start => "start".to_owned(),
+            Self::Supervision => "supervision".to_owned(),
+            Self::Realtime(role) => format!("realtime.{}", role.name()),
+        }
+    }
+
+    /// The chassis kind it belongs to, if it does not belong to all.
+    pub(super) fn only_for(self) -> Option<&'static str> {
+        match self {
+            Self::Differential => Some("differential"),
+            Self::Mecanum => Some("mecanum"),
+            _ => None,
+        }
+    }
+
+    /// True if a system with this chassis has the section.
+    pub(super) fn fits(self, chassis: &Chassis) -> bool {
+        self.only_for().is_none_or(|kind| kind == chassis.name())
+    }
+
+    /// Its text key; none has more than one.
+    pub(super) fn text(self) -> Option<&'static TextSpec> {
+        match self {
+            Self::Top => Some(&ROBOT),
+            Self::Differential | Self::Mecanum => Some(&KIND),
+            Self::Controller => Some(&LAW),
+            _ => None,
+        }
+    }
+
+    /// Its numbers and switches.
+    pub(super) fn specs(self) -> &'static [ParamSpec] {
+        match self {
+            Self::Top | Self::Controller => &[],
+            Self::Differential => DifferentialParams::SPECS,
+            Self::Mecanum => MecanumParams::SPECS,
+            Self::Stepper => Stepper::SPECS,
+            Self::Limits => Limits::SPECS,
+            Self::Timing => GateParams::SPECS,
+            Self::Tracking => Tracking::SPECS,
+            Self::Law(index) => LAWS[index].params,
+            Self::Plant => StepperDriveParams::SPECS,
+            Self::Start => StartParams::SPECS,
+            Self::Supervision => Supervision::SPECS,
+            Self::Realtime(role) => realtime::specs(role),
+        }
+    }
+
+    /// All its keys.
+    pub(super) fn keys(self) -> impl Iterator<Item = Key> {
+        let texts = self.text().into_iter().map(|spec| (spec.name, Form::Text(spec)));
+        let numbers = self.specs().iter().map(|spec| (spec.name, Form::Number(spec)));
+        texts.chain(numbers).map(move |(name, form)| Key { section: self, name, form })
+    }
+
+    fn group(self, system: &System) -> Option<&dyn Group> {
+        Some(match self {
+            Self::Top | Self::Controller => return None,
+            Self::Differential | Self::Mecanum => &system.chassis,
+            Self::Stepper => &system.stepper,
+            Self::Limits => &system.limits,
+            Self::Timing => &system.timing,
+            Self::Tracking => &system.tracking,
+            Self::Law(index) => &system.controller.laws[index],
+            Self::Plant => &system.plant,
+            Self::Start => &system.start,
+            Self::Supervision => &system.supervision,
+            Self::Realtime(role) => &system.realtime[realtime::index(role)?],
+        })
+    }
+
+    fn group_mut(self, system: &mut System) -> Option<&mut dyn Group> {
+        Some(match self {
+            Self::Top | Self::Controller => return None,
+            Self::Differential | Self::Mecanum => &mut system.chassis,
+            Self::Stepper => &mut system.stepper,
+            Self::Limits => &mut system.limits,
+            Self::Timing => &mut system.timing,
+            Self::Tracking => &mut system.tracking,
+            Self::Law(index) => &mut system.controller.laws[index],
+            Self::Plant => &mut system.plant,
+            Self::Start => &mut system.start,
+            Self::Supervision => &mut system.supervision,
+            Self::Realtime(role) => &mut system.realtime[realtime::index(role)?],
+        })
+    }
+
+    /// The value of a number or switch.
+    pub(super) fn get(self, system: &System, name: &str) -> Option<f64> {
+        self.group(system)?.value(name)
+    }
+
+    /// Sets a number or switch that its [`ParamSpec`] has checked.
+    pub(super) fn put(self, system: &mut System, name: &str, value: f64) {
+        if let Some(group) = self.group_mut(system) {
+            group.put(name, value);
+        }
+    }
+}
+
+/// Section and name in one.
+pub(super) fn join(section: &str, name: &str) -> String {
+    if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") }
+}
+
+/// Values by name; whoever puts one has checked it and knows that it is there.
+pub(super) trait Group {
+    fn value(&self, name: &str) -> Option<f64>;
+    fn put(&mut self, name: &str, value: f64);
+}
+
+macro_rules! param_groups_are_groups {
+    ($($group:ty),*) => {
+        $(impl Group for $group {
+            fn value(&self, name: &str) -> Option<f64> {
+                self.get(name)
+            }
+
+            fn put(&mut self, name: &str, value: f64) {
+                let done = self.set(name, value);
+                debug_assert_eq!(done, Ok(()), "{name}");
+            }
+        })*
+    };
+}
+
+param_groups_are_groups!(
+    DifferentialParams,
+    MecanumParams,
+    Stepper,
+    Limits,
+    GateParams,
+    Tracking,
+    StepperDriveParams,
+    Supervision
+);
+
+impl Group for Chassis {
+    fn value(&self, name: &str) -> Option<f64> {
+        match self {
+            Self::Differential(params) => params.value(name),
+            Self::Mecanum(params) => params.value(name),
+        }
+    }
+
+    fn put(&mut self, name: &str, value: f64) {
+        match self {
+            Self::Differential(params) => params.put(name, value),
+            Self::Mecanum(params) => params.put(name, value),
+        }
+    }
+}
+
+impl Group for WorldPose {
+    fn value(&self, name: &str) -> Option<f64> {
+        StartParams { x_m: self.x_m, y_m: self.y_m, theta_rad: self.theta_rad }.get(name)
+    }
+
+    fn put(&mut self, name: &str, value: f64) {
+        match name {
+            "x_m" => self.x_m = value,
+            "y_m" => self.y_m = value,
+            "theta_rad" => self.theta_rad = value,
+            _ => debug_assert!(false, "{name}"),
+        }
+    }
+}
+
+impl Group for Realtime {
+    fn value(&self, name: &str) -> Option<f64> {
+        match name {
+            "cpu" => Some(self.cpu as f64),
+            "priority" => Some(self.priority as f64),
+            _ => None,
+        }
+    }
+
+    fn put(&mut self, name: &str, value: f64) {
+        match name {
+            "cpu" => self.cpu = value as i64,
+            "priority" => self.priority = value as u64,
+            _ => debug_assert!(false, "{name}"),
+        }
+    }
+}

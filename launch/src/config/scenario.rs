@@ -1,0 +1,280 @@
+//! Scenario files: a system, a path to follow, and what others measured on it.
+
+use super::assign::{apply, check_number};
+use super::document::{Document, Entry, Value, entries};
+use super::error::{ConfigError, quoted, read_text};
+use super::{System, find_built_in, is_path, suggest};
+use hilare_interfaces::geometry::{WorldPoint, WorldPose};
+use hilare_interfaces::params::{ParamKind, ParamSpec};
+use hilare_planner::{Refusal, check_path, waypoint_file};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Scenarios that can be named without a file.
+const BUILT_IN: &[(&str, &str)] = &[
+    ("rectangle", include_str!("../../scenarios/rectangle.toml")),
+    ("rectangle-open", include_str!("../../scenarios/rectangle-open.toml")),
+    ("trapezoid", include_str!("../../scenarios/trapezoid.toml")),
+    ("so", include_str!("../../scenarios/so.toml")),
+];
+
+/// Waypoint files the built-in scenarios name.
+const BUILT_IN_PATHS: &[(&str, &str)] = &[("so.csv", include_str!("../../scenarios/so.csv"))];
+
+const KEYS: &[&str] =
+    &["description", "system", "waypoints_m", "waypoints_file", "start", "published", "set"];
+const PUBLISHED_KEYS: &[&str] = &["source", "cross_track_mean_m", "speed_error_mean_mps"];
+
+/// Published figures are millimetres in a metre key as often as not: the bounds tell them apart.
+static CROSS_TRACK: ParamSpec = ParamSpec {
+    name: "cross_track_mean_m",
+    kind: ParamKind::Real,
+    unit: "m",
+    default: 0.0,
+    min: 0.0,
+    max: 1.0,
+    doc: "Mean cross-track error.",
+};
+static SPEED_ERROR: ParamSpec =
+    ParamSpec { name: "speed_error_mean_mps", unit: "m/s", doc: "Mean speed error.", ..CROSS_TRACK };
+
+/// A job: a robot and a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// Built-in name, or the file's name without `.toml`.
+    pub name: String,
+    /// One line for people.
+    pub description: String,
+    /// The robot, the scenario's changes made.
+    pub system: System,
+    /// The path, at least two waypoints.
+    pub waypoints: Vec<WorldPoint>,
+    /// What others measured or computed on this path.
+    pub published: Vec<Published>,
+}
+
+/// Values the verdict shows beside ours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Published {
+    /// Where they come from.
+    pub source: String,
+    /// Mean cross-track error, m.
+    pub cross_track_mean_m: Option<f64>,
+    /// Mean speed error, m/s.
+    pub speed_error_mean_mps: Option<f64>,
+}
+
+impl Scenario {
+    /// Names of the built-in scenarios.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// Reads a built-in scenario by name, or a file by a path that ends in `.toml`.
+    pub fn load(name_or_path: &str) -> Result<Self, ConfigError> {
+        if is_path(name_or_path) {
+            let path = Path::new(name_or_path);
+            let text = read_text(path)?;
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            let home = Home::Folder(path.parent().unwrap_or(Path::new("")));
+            return parse(&name, name_or_path, &text, home);
+        }
+        let (name, text) = find_built_in("scenario", BUILT_IN, name_or_path).map_err(ConfigError::bare)?;
+        parse(name, &format!("{name}.toml (built-in)"), text, Home::BuiltIn)
+    }
+
+    /// The same robot on the path of a waypoint file (CSV, header `x,y`, metres). It starts on the first
+    /// waypoint, heading 0; what was published of the scenario's own path goes.
+    pub fn with_path(mut self, file: &Path) -> Result<Self, ConfigError> {
+        self.waypoints = read_waypoints(file)?;
+        self.system.start = WorldPose::new(self.waypoints[0].x_m, self.waypoints[0].y_m, 0.0);
+        self.description = format!("waypoints of {}", file.display());
+        self.published.clear();
+        Ok(self)
+    }
+}
+
+/// Where the files that a scenario names are.
+#[derive(Clone, Copy)]
+enum Home<'a> {
+    BuiltIn,
+    Folder(&'a Path),
+}
+
+fn read_waypoints(path: &Path) -> Result<Vec<WorldPoint>, ConfigError> {
+    let place = path.display().to_string();
+    let file =
+        File::open(path).map_err(|error| ConfigError::new(&place, format!("cannot be read: {error}")))?;
+    parse_waypoints(&place, file)
+}
+
+fn parse_waypoints(place: &str, text: impl Read) -> Result<Vec<WorldPoint>, ConfigError> {
+    waypoint_file::parse(text).map_err(|error| match error.line {
+        0 => ConfigError::new(place, error.message),
+        line => ConfigError::new(format!("{place}:{line}"), error.message),
+    })
+}
+
+/// What has been read so far.
+#[derive(Default)]
+struct Parts<'t> {
+    description: String,
+    system: Option<System>,
+    waypoints: Option<Vec<WorldPoint>>,
+    published: Vec<Published>,
+    changes: Vec<Entry<'t>>,
+}
+
+fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenario, ConfigError> {
+    let file = Document::parse(origin, text)?;
+    let mut items: Vec<_> = file.root.iter().collect();
+    items.sort_by_key(|(key, _)| key.span().start);
+    let mut parts = Parts::default();
+    for (key, value) in items {
+        let offset = key.span().start;
+        read_item(&file, home, key.get_ref(), offset, value, &mut parts)?;
+    }
+    let Parts { description, system, waypoints, published, changes } = parts;
+    let mut system = system.ok_or_else(|| {
+        file.error_of_file(
+            "no system; add system = \"epuck\" (built-in) or the path of a system file (.toml)",
+        )
+    })?;
+    apply(&mut system, &file, changes)?;
+    let waypoints = waypoints.ok_or_else(|| {
+        file.error_of_file("no path; add waypoints_m = [[x, y], [x, y]] or waypoints_file = \"FILE.csv\"")
+    })?;
+    Ok(Scenario { name: name.to_owned(), description, system, waypoints, published })
+}
+
+/// Reads one top-level key.
+fn read_item<'t>(
+    file: &Document<'_>,
+    home: Home<'_>,
+    key: &str,
+    offset: usize,
+    value: &'t Spanned<DeValue<'_>>,
+    parts: &mut Parts<'t>,
+) -> Result<(), ConfigError> {
+    let wrong = |wanted: &str| {
+        file.error(offset, format!("{key}: {} is not {wanted}", Value::new(value.get_ref()).describe()))
+    };
+    let text = || value.get_ref().as_str().ok_or_else(|| wrong("text; write it in quotes"));
+    let table = || value.get_ref().as_table().ok_or_else(|| wrong(&format!("a section; write [{key}]")));
+    match key {
+        "description" => parts.description = text()?.to_owned(),
+        "system" => {
+            let name = text()?;
+            parts.system = Some(match home {
+                Home::Folder(folder) if is_path(name) => System::load(&folder.join(name).to_string_lossy())?,
+                _ => System::built_in(name).map_err(|what| file.error(offset, what))?,
+            });
+        }
+        "waypoints_m" | "waypoints_file" if parts.waypoints.is_some() => {
+            return Err(file.error(offset, "both waypoints_m and waypoints_file; delete one of them"));
+        }
+        "waypoints_m" => {
+            let points = value.get_ref().as_array().ok_or_else(|| wrong("an array [[x, y], [x, y]]"))?;
+            parts.waypoints = Some(inline_waypoints(file, offset, points)?);
+        }
+        "waypoints_file" => parts.waypoints = Some(waypoints_file(file, home, offset, text()?)?),
+        "start" => parts.changes.extend(entries(table()?, "", "start")),
+        "set" => {
+            let changes = table()?;
+            if let Some((key, _)) = changes.get_key_value("start") {
+                return Err(file.error(key.span().start, "set.start: write [start] in a scenario"));
+            }
+            parts.changes.extend(entries(changes, "set.", ""));
+        }
+        "published" => {
+            let wanted = "a list; write [[published]]";
+            let list = value.get_ref().as_array().ok_or_else(|| wrong(wanted))?;
+            for item in list.iter() {
+                let table = item.get_ref().as_table().ok_or_else(|| wrong(wanted))?;
+                parts.published.push(published(file, item.span().start, table)?);
+            }
+        }
+        _ => {
+            let choices = suggest::choices(key, "known", KEYS);
+            let hint = "keys of the system stand in [set.SECTION]";
+            return Err(
+                file.error(offset, format!("unknown key {} in a scenario{choices}; {hint}", quoted(key)))
+            );
+        }
+    }
+    Ok(())
+}
+
+fn inline_waypoints(
+    file: &Document<'_>,
+    offset: usize,
+    points: &[Spanned<DeValue<'_>>],
+) -> Result<Vec<WorldPoint>, ConfigError> {
+    let mut waypoints = Vec::with_capacity(points.len());
+    for (index, point) in points.iter().enumerate() {
+        let pair = point.get_ref().as_array().map(|pair| &pair[..]).unwrap_or_default();
+        let numbers: Vec<_> = pair.iter().map(|item| Value::new(item.get_ref())).collect();
+        let [Value::Number(x_m), Value::Number(y_m)] = numbers[..] else {
+            let what = format!("waypoints_m: waypoint {} is not [x, y], two numbers in metres", index + 1);
+            return Err(file.error(point.span().start, what));
+        };
+        waypoints.push(WorldPoint::new(x_m, y_m));
+    }
+    check_path(&waypoints).map_err(|refusal: Refusal| match refusal.index() {
+        Some(index) => {
+            file.error(points[index].span().start, format!("waypoints_m: waypoint {}: {refusal}", index + 1))
+        }
+        None => file.error(offset, format!("waypoints_m: {refusal}")),
+    })?;
+    Ok(waypoints)
+}
+
+fn waypoints_file(
+    file: &Document<'_>,
+    home: Home<'_>,
+    offset: usize,
+    name: &str,
+) -> Result<Vec<WorldPoint>, ConfigError> {
+    match home {
+        Home::Folder(folder) => read_waypoints(&folder.join(name)),
+        Home::BuiltIn => match BUILT_IN_PATHS.iter().find(|(known, _)| *known == name) {
+            Some((_, text)) => parse_waypoints(name, text.as_bytes()),
+            None => Err(file.error(offset, format!("waypoints_file: {} is not built in", quoted(name)))),
+        },
+    }
+}
+
+fn published(file: &Document<'_>, offset: usize, table: &DeTable<'_>) -> Result<Published, ConfigError> {
+    let mut source = None;
+    let mut row = Published { source: String::new(), cross_track_mean_m: None, speed_error_mean_mps: None };
+    let mut items: Vec<_> = table.iter().collect();
+    items.sort_by_key(|(key, _)| key.span().start);
+    for (key, value) in items {
+        let name = key.get_ref().as_ref();
+        let value = Value::new(value.get_ref());
+        let error = |what: String| file.error(key.span().start, what);
+        let number =
+            |spec| check_number(spec, &value).map_err(|what| error(format!("published.{name}: {what}")));
+        match (name, &value) {
+            ("source", Value::Text(text)) => source = Some((*text).to_owned()),
+            ("source", _) => {
+                return Err(error(format!(
+                    "published.source: {} is not text; write it in quotes",
+                    value.describe()
+                )));
+            }
+            ("cross_track_mean_m", _) => row.cross_track_mean_m = Some(number(&CROSS_TRACK)?),
+            ("speed_error_mean_mps", _) => row.speed_error_mean_mps = Some(number(&SPEED_ERROR)?),
+            _ => {
+                let choices = suggest::choices(name, "known", PUBLISHED_KEYS);
+                return Err(error(format!("unknown key {} in [[published]]{choices}", quoted(name))));
+            }
+        }
+    }
+    row.source =
+        source.ok_or_else(|| file.error(offset, "published: no source; say where the values come from"))?;
+    Ok(row)
+}

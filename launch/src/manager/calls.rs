@@ -1,0 +1,119 @@
+//! What can be asked of a running launch.
+
+use super::*;
+
+impl Manager {
+    pub(super) fn answer(&mut self, call: Call) {
+        let response = match call.request {
+            Request::Status => {
+                Response { ok: true, message: String::new(), status: Some(self.status()) }
+            }
+            Request::Arm => match self.set_mode(Mode::Armed) {
+                Ok(()) => Response::done("armed"),
+                Err(why) => Response::refused(why),
+            },
+            Request::Stop => match self.set_mode(Mode::Stop) {
+                Ok(()) => Response::done("stopping; hilare arm lets it go on"),
+                Err(why) => Response::refused(why),
+            },
+            Request::Estop => {
+                let _ = self.set_mode(Mode::EStop);
+                Response::done("emergency stop; hilare reset releases it")
+            }
+            Request::Reset => {
+                let was = Mode::from_code(self.authority.mode);
+                let _ = self.set_mode(Mode::Disarmed);
+                match was {
+                    Some(Mode::EStop) => Response::done("emergency stop released; the robot is disarmed (hilare arm)"),
+                    _ => Response::done("disarmed (hilare arm)"),
+                }
+            }
+            Request::Down => {
+                self.down = true;
+                Response::done("going down")
+            }
+            Request::Follow(points) => {
+                let waypoints = points.into_iter().map(|[x_m, y_m]| Waypoint { x_m, y_m }).collect();
+                let header = GoalHeader { kind: GoalKind::Follow.code(), ..GoalHeader::ZERO };
+                return self.send_goal(header, waypoints, call.reply);
+            }
+            Request::Goal { x_m, y_m, theta_rad } => {
+                let header = GoalHeader {
+                    kind: GoalKind::Point.code(),
+                    heading_rad: theta_rad.unwrap_or(0.0),
+                    has_heading: u64::from(theta_rad.is_some()),
+                    ..GoalHeader::ZERO
+                };
+                return self.send_goal(header, vec![Waypoint { x_m, y_m }], call.reply);
+            }
+        };
+        let _ = call.reply.send(response);
+    }
+
+    /// Hands a goal to the planner; its answer is passed on when it comes.
+    fn send_goal(&mut self, header: GoalHeader, waypoints: Vec<Waypoint>, reply: Sender<Response>) {
+        let id = self.next_goal;
+        self.next_goal += 1;
+        let header = GoalHeader { goal_id: id, ..header };
+        let alive = self.members.iter().any(|m| m.role == Role::Planner && m.running.is_some());
+        if !alive || !self.ports.goal.send(&header, waypoints.into_iter()) {
+            let _ = reply.send(Response::refused("the planner is not running (hilare status)"));
+            return;
+        }
+        self.page.ring(&wires::GOAL);
+        self.goals.push_back(PendingGoal { id, reply, since: Instant::now() });
+    }
+
+    /// An answer of the planner, to whoever asked.
+    pub(super) fn pass_on(&mut self, answer: &Answer) {
+        let Some(place) = self.goals.iter().position(|goal| goal.id == answer.goal_id) else { return };
+        let Some(goal) = self.goals.remove(place) else { return };
+        let text = field_text(&answer.text);
+        let response = if answer.accepted == 1 {
+            let hint = match Mode::from_code(self.authority.mode) {
+                Some(Mode::Armed) => "",
+                Some(Mode::EStop) => "; the emergency stop is on (hilare reset, hilare arm)",
+                _ => "; the robot is not armed (hilare arm)",
+            };
+            Response::done(format!("accepted: {} waypoints{hint}", answer.waypoints))
+        } else {
+            Response::refused(text)
+        };
+        let _ = goal.reply.send(response);
+    }
+
+    /// Everything there is to know.
+    pub fn status(&self) -> Status {
+        let Newest { steps, pose, reference } = &self.newest;
+        let twist = steps.commanded_twist();
+        let label = |code: u64, decode: fn(u64) -> Option<Mode>| decode(code).map_or("unknown", Mode::label);
+        Status {
+            robot: self.job.system.robot.clone(),
+            launch_pid: std::process::id(),
+            clock: self.job.clock.to_string(),
+            mode: label(self.authority.mode, Mode::from_code).to_owned(),
+            drive: Drive::from_code(steps.drive).map_or("unknown", Drive::label).to_owned(),
+            tick: steps.tick,
+            path_state: ReferenceState::from_code(reference.state).map_or("unknown", ReferenceState::label).to_owned(),
+            waypoint: reference.index,
+            waypoints: reference.total,
+            pose: [pose.x_m, pose.y_m, pose.theta_rad],
+            speed_mps: twist.speed_mps(),
+            omega_radps: twist.omega_radps,
+            commands_late: steps.commands_late,
+            commands_rejected: steps.commands_rejected,
+            cycles_without_command: steps.cycles_without_command,
+            paused_ticks: steps.paused_ticks,
+            fault: self.fault.clone(),
+            processes: self
+                .members
+                .iter()
+                .enumerate()
+                .map(|(slot, member)| {
+                    let in_charge = member.role == Role::Controller && self.authority.source == slot as u64 + 1;
+                    member.status(self.page.state(slot), in_charge)
+                })
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Worker processes: started as this very binary, watched by pidfd, never orphaned.
+
+use super::Event;
+use crate::logging::LogSink;
+use crate::shell::page::{PAGE_FD, SharedPage};
+use crossbeam_channel::Sender;
+use hilare_interfaces::wires::Role;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use std::io::{self, BufRead, BufReader, Read};
+use std::os::fd::OwnedFd;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+
+/// Stack of the small watching threads.
+const STACK: usize = 128 << 10;
+/// Longest line taken from a worker; more is cut.
+const MAX_LINE: u64 = 64 << 10;
+
+/// A started worker.
+pub struct Running {
+    /// Process id.
+    pub pid: u32,
+    pidfd: Arc<OwnedFd>,
+}
+
+impl Running {
+    /// Sends a signal; to this very process, even if its number was used again.
+    pub fn signal(&self, signal: Signal) {
+        let _ = pidfd_send_signal(&*self.pidfd, signal);
+    }
+}
+
+/// What to start.
+pub struct Start<'a> {
+    /// The box.
+    pub role: Role,
+    /// Its slot.
+    pub slot: usize,
+    /// Which incarnation of the slot, for events.
+    pub incarnation: u64,
+    /// Further arguments of `hilare service`.
+    pub arguments: Vec<String>,
+    /// The page to inherit.
+    pub page: &'a SharedPage,
+}
+
+/// Starts a worker. Its end comes as [`Event::Died`], its standard error goes to the log, its
+/// standard output comes as [`Event::Output`].
+///
+/// From the thread that calls it: workers die with this thread (PDEATHSIG).
+pub fn start(what: Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
+    let mut child = Command::new(std::env::current_exe()?)
+        .arg("service")
+        .arg(what.role.name())
+        .args(&what.arguments)
+        .env(PAGE_FD, what.page.inherited_fd())
+        // Out of the terminal's group: Ctrl-C is for launch, which stops the robot first.
+        .process_group(0)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()?;
+    let pid = child.id();
+    let raw = Pid::from_child(&child);
+    let pidfd = Arc::new(pidfd_open(raw, PidfdFlags::empty())?);
+    let threads = || std::thread::Builder::new().stack_size(STACK);
+    if let Some(errors) = child.stderr.take() {
+        let (log, name) = (log.clone(), what.role.name());
+        threads().spawn(move || for_each_line(errors, |line| log.worker_line(name, line)))?;
+    }
+    let output = child.stdout.take();
+    let (events, watched, slot, incarnation) = (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
+    threads().spawn(move || {
+        if let Some(output) = output {
+            for_each_line(output, |line| {
+                let _ = events.send(Event::Output { slot, line: line.to_owned() });
+            });
+        }
+        let status = wait(&watched, child);
+        let _ = events.send(Event::Died { slot, incarnation, how: describe(status) });
+    })?;
+    Ok(Running { pid, pidfd })
+}
+
+fn for_each_line(from: impl Read, mut act: impl FnMut(&str)) {
+    let mut reader = BufReader::new(from);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        match reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return,
+            Ok(_) => act(String::from_utf8_lossy(&line).trim_end()),
+        }
+    }
+}
+
+/// Waits on the pidfd, then collects the child.
+fn wait(pidfd: &OwnedFd, mut child: Child) -> Option<ExitStatus> {
+    let mut fds = [PollFd::new(pidfd, PollFlags::IN)];
+    while poll(&mut fds, None) == Err(rustix::io::Errno::INTR) {}
+    child.wait().ok()
+}
+
+fn describe(status: Option<ExitStatus>) -> String {
+    match status {
+        Some(status) => match (status.code(), status.signal()) {
+            (Some(0), _) => "ended".to_owned(),
+            (Some(code), _) => format!("ended with code {code}"),
+            (_, Some(9)) => "was killed (signal 9; by hand, or for want of memory?)".to_owned(),
+            (_, Some(7)) => "was killed by a bus error (is /dev/shm full?)".to_owned(),
+            (_, signal) => format!("was killed by signal {}", signal.unwrap_or(0)),
+        },
+        None => "ended".to_owned(),
+    }
+}

@@ -1,0 +1,133 @@
+//! The control socket: how the command line reaches a running launch.
+//!
+//! One request a connection, one line of JSON each way, in a socket only the owner can open. The
+//! listener's threads only carry; launch's own loop answers.
+
+use crossbeam_channel::{Sender, bounded};
+use serde::{Deserialize, Serialize};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::Path;
+use std::time::Duration;
+
+/// Longest request: the longest path, as JSON.
+const MAX_REQUEST: u64 = 8 << 20;
+/// How long either side waits for the other.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Requests under way at once.
+const MAX_CONNECTIONS: usize = 16;
+
+/// What can be asked of a launch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Request {
+    /// Everything there is to know.
+    Status,
+    /// Let commands act.
+    Arm,
+    /// Ramp to a stop and stay.
+    Stop,
+    /// Stop at once, latched.
+    Estop,
+    /// Release the emergency stop; leaves the robot disarmed.
+    Reset,
+    /// Stop and end.
+    Down,
+    /// Follow these waypoints, metres.
+    Follow(Vec<[f64; 2]>),
+    /// Go to this point, metres; a heading in radians if one is wanted.
+    Goal {
+        /// World x.
+        x_m: f64,
+        /// World y.
+        y_m: f64,
+        /// Final heading.
+        theta_rad: Option<f64>,
+    },
+}
+
+/// The answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// It was done.
+    pub ok: bool,
+    /// What was done, or why not.
+    pub message: String,
+    /// The status, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub status: Option<super::status::Status>,
+}
+
+impl Response {
+    /// Done.
+    pub fn done(message: impl Into<String>) -> Self {
+        Self { ok: true, message: message.into(), status: None }
+    }
+
+    /// Not done, and why.
+    pub fn refused(message: impl Into<String>) -> Self {
+        Self { ok: false, message: message.into(), status: None }
+    }
+}
+
+/// A request with the way back.
+pub struct Call {
+    /// What is asked.
+    pub request: Request,
+    /// Where the answer goes; the caller may be gone.
+    pub reply: Sender<Response>,
+}
+
+/// Listens on `path`, handing every request to `deliver`.
+pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> io::Result<()> {
+    let listener = UnixListener::bind(path)?;
+    std::fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
+    let places = bounded::<()>(MAX_CONNECTIONS);
+    let threads = std::thread::Builder::new().name("control".into()).stack_size(256 << 10);
+    threads.spawn(move || {
+        for stream in listener.incoming().flatten() {
+            if places.0.try_send(()).is_err() {
+                continue;
+            }
+            let (deliver, place) = (deliver.clone(), places.1.clone());
+            let serving = std::thread::Builder::new().stack_size(256 << 10).spawn(move || {
+                let _ = serve(stream, deliver);
+                let _ = place.try_recv();
+            });
+            if serving.is_err() {
+                let _ = places.1.try_recv();
+            }
+        }
+    })?;
+    Ok(())
+}
+
+fn serve(stream: UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut line = String::new();
+    BufReader::new((&stream).take(MAX_REQUEST)).read_line(&mut line)?;
+    let response = match serde_json::from_str(&line) {
+        Ok(request) => {
+            let (reply, answer) = bounded(1);
+            deliver(Call { request, reply });
+            answer.recv_timeout(PATIENCE).unwrap_or_else(|_| Response::refused("launch did not answer in time"))
+        }
+        Err(error) => Response::refused(format!("not a request: {error}")),
+    };
+    let mut text = serde_json::to_string(&response)?;
+    text.push('\n');
+    (&stream).write_all(text.as_bytes())
+}
+
+/// Sends one request to the launch of a robot and waits for the answer.
+pub fn ask(socket: &Path, request: &Request) -> io::Result<Response> {
+    let mut stream = UnixStream::connect(socket)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    let mut text = serde_json::to_string(request)?;
+    text.push('\n');
+    stream.write_all(text.as_bytes())?;
+    let mut line = String::new();
+    BufReader::new(stream).read_line(&mut line)?;
+    Ok(serde_json::from_str(&line)?)
+}

@@ -1,0 +1,75 @@
+//! The end of a launch: the robot rests, the recorder is heard, everybody leaves, nothing is left.
+
+use super::*;
+use crate::shell::observer::TRACE_FILE;
+
+impl Manager {
+    /// Stops the robot, lets everybody leave and collects what they left.
+    pub fn end(mut self) -> Outcome {
+        let _ = self.set_mode(Mode::Stop);
+        self.await_rest();
+        self.await_recorder();
+        self.leave();
+        self.look();
+        let clock = self.members.iter().find(|member| member.role == Role::StepGenerator);
+        let lateness = clock.and_then(|member| member.health).map(|health| health.latency.quantiles());
+        Outcome {
+            trace_csv: std::fs::read_to_string(self.dir.path().join(TRACE_FILE)).ok(),
+            handover: self.handover.take(),
+            steps: self.newest.steps,
+            lateness: lateness.unwrap_or_default(),
+            restarts: self.members.iter().map(|member| member.restarts).sum(),
+            fault: self.fault.take(),
+            interrupted: self.interrupted || self.down,
+        }
+    }
+
+    fn await_rest(&mut self) {
+        let deadline = Instant::now() + REST_PATIENCE;
+        let clock_lives =
+            |this: &Self| this.members.iter().any(|m| m.role == Role::StepGenerator && m.running.is_some());
+        while self.job.clock == ClockKind::Real
+            && self.newest.steps.twist != [0.0; 3]
+            && clock_lives(self)
+            && Instant::now() < deadline
+        {
+            self.step(Duration::from_millis(2));
+        }
+    }
+
+    /// The recorder has read what there is before the writers go.
+    fn await_recorder(&mut self) {
+        let target = self.newest.steps.tick;
+        let deadline = Instant::now() + REST_PATIENCE;
+        while self.page.least_progress(&[Role::Recorder]) < target && Instant::now() < deadline {
+            self.step(Duration::from_millis(2));
+        }
+    }
+
+    /// Everybody leaves: asked, then told, then killed.
+    pub(super) fn leave(&mut self) {
+        self.leaving = true;
+        self.page.set_phase(Phase::Leave);
+        let started = Instant::now();
+        let mut told = false;
+        while self.members.iter().any(|member| member.running.is_some()) {
+            self.step(Duration::from_millis(5));
+            let waited = started.elapsed();
+            if waited > LEAVE_PATIENCE {
+                self.signal_all(Signal::KILL);
+            } else if waited > LEAVE_PATIENCE / 2 && !told {
+                told = true;
+                self.signal_all(Signal::TERM);
+            }
+        }
+    }
+
+    fn signal_all(&self, signal: Signal) {
+        for member in &self.members {
+            if let Some(running) = &member.running {
+                warn!("{} does not leave: {signal:?}", member.role.name());
+                running.signal(signal);
+            }
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! A robot's runtime directory: who it belongs to, where its socket is, nothing left behind.
+//!
+//! One robot name, one launch: a lock file holds the pid of the launch in charge. The directory and
+//! the robot's files in /dev/shm are wiped when a launch takes the lock (nothing of this robot is
+//! alive then) and when it lets go.
+
+use crate::shell::transport::shm_prefix;
+use rustix::fs::{FlockOperation, Mode, flock, statvfs};
+use std::fmt;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// Free bytes in /dev/shm below which a start is refused: a full tmpfs kills whoever touches it.
+pub const SHM_NEEDED: u64 = 32 << 20;
+
+/// Why a robot could not be claimed: one line with the cure.
+#[derive(Debug)]
+pub struct ClaimError(String);
+
+impl fmt::Display for ClaimError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for ClaimError {}
+
+/// Where all robots of this user have their directories.
+pub fn base_dir() -> PathBuf {
+    if let Some(dir) = std::env::var_os("HILARE_RUNTIME_DIR") {
+        return dir.into();
+    }
+    match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_dir()) {
+        Some(dir) => Path::new(&dir).join("hilare"),
+        None => PathBuf::from(format!("/tmp/hilare-{}", rustix::process::geteuid().as_raw())),
+    }
+}
+
+/// A robot's control socket.
+pub fn socket_path(robot: &str) -> PathBuf {
+    base_dir().join(robot).join("control.sock")
+}
+
+/// Robots of this user that a living launch holds, with its pid.
+pub fn living_robots() -> Vec<(String, i32)> {
+    let Ok(entries) = fs::read_dir(base_dir()) else { return Vec::new() };
+    let mut robots: Vec<(String, i32)> = entries
+        .flatten()
+        .filter_map(|entry| {
+            let name = entry.file_name().into_string().ok()?;
+            let robot = name.strip_suffix(".lock")?.to_owned();
+            let mut file = File::open(entry.path()).ok()?;
+            let held = flock(&file, FlockOperation::NonBlockingLockShared).is_err();
+            let mut pid = String::new();
+            file.read_to_string(&mut pid).ok()?;
+            held.then_some((robot, pid.trim().parse().ok()?))
+        })
+        .collect();
+    robots.sort();
+    robots
+}
+
+/// Files of a robot in /dev/shm.
+pub fn shm_files(robot: &str) -> Vec<PathBuf> {
+    let prefix = shm_prefix(robot);
+    let Ok(entries) = fs::read_dir("/dev/shm") else { return Vec::new() };
+    entries
+        .flatten()
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix))
+        .map(|entry| entry.path())
+        .collect()
+}
+
+/// A robot claimed by this process.
+pub struct RobotDir {
+    robot: String,
+    path: PathBuf,
+    lock_path: PathBuf,
+    /// Held as long as the claim.
+    _lock: File,
+}
+
+impl RobotDir {
+    /// Claims a robot, wiping what an earlier launch may have left.
+    pub fn claim(robot: &str) -> Result<Self, ClaimError> {
+        check_shm()?;
+        let base = base_dir();
+        make_private(&base)?;
+        let lock_path = base.join(format!("{robot}.lock"));
+        let lock = take_lock(&lock_path, robot)?;
+        let claim = Self { robot: robot.to_owned(), path: base.join(robot), lock_path, _lock: lock };
+        claim.wipe();
+        make_private(&claim.path)?;
+        Ok(claim)
+    }
+
+    /// The directory.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn wipe(&self) {
+        let _ = fs::remove_dir_all(&self.path);
+        for file in shm_files(&self.robot) {
+            let _ = fs::remove_file(file);
+        }
+    }
+}
+
+impl Drop for RobotDir {
+    fn drop(&mut self) {
+        self.wipe();
+        // While still locked: whoever waits for the lock sees that the file is gone and starts over.
+        let _ = fs::remove_file(&self.lock_path);
+    }
+}
+
+fn check_shm() -> Result<(), ClaimError> {
+    let free = statvfs("/dev/shm").map(|stat| stat.f_bavail * stat.f_frsize);
+    match free {
+        Ok(free) if free >= SHM_NEEDED => Ok(()),
+        Ok(free) => Err(ClaimError(format!(
+            "/dev/shm: {} MB free, {} MB needed; free some, or: mount -o remount,size=64M /dev/shm \
+             (docker: --shm-size=64m)",
+            free >> 20,
+            SHM_NEEDED >> 20
+        ))),
+        Err(error) => Err(ClaimError(format!("/dev/shm: {error}; mount a tmpfs there"))),
+    }
+}
+
+/// Makes a directory that only this user may enter, or refuses one that is not.
+fn make_private(dir: &Path) -> Result<(), ClaimError> {
+    let failed = |error: io::Error| {
+        ClaimError(format!("{}: {error}; set HILARE_RUNTIME_DIR to a directory you own", dir.display()))
+    };
+    match fs::DirBuilder::new().mode(0o700).create(dir) {
+        Ok(()) => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return fs::DirBuilder::new().mode(0o700).recursive(true).create(dir).map_err(failed);
+        }
+        Err(error) => return Err(failed(error)),
+    }
+    let found = fs::symlink_metadata(dir).map_err(failed)?;
+    let ours = found.is_dir() && found.uid() == rustix::process::geteuid().as_raw();
+    if !ours {
+        return Err(failed(io::Error::other("not a directory of this user")));
+    }
+    if found.mode() & 0o077 != 0 {
+        rustix::fs::chmod(dir, Mode::RWXU).map_err(|error| failed(error.into()))?;
+    }
+    Ok(())
+}
+
+fn take_lock(path: &Path, robot: &str) -> Result<File, ClaimError> {
+    let failed = |error: io::Error| ClaimError(format!("{}: {error}", path.display()));
+    loop {
+        let mut file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(path)
+            .map_err(failed)?;
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let mut pid = String::new();
+            let _ = file.read_to_string(&mut pid);
+            return Err(ClaimError(format!(
+                "robot {robot:?} is already up, launch has pid {}; stop it (hilare down --robot {robot}) or choose \
+                 another name (--robot NAME)",
+                pid.trim()
+            )));
+        }
+        // The file may have been removed between open and lock by the launch that held it.
+        let same = fs::metadata(path).is_ok_and(|now| file.metadata().is_ok_and(|ours| ours.ino() == now.ino()));
+        if !same {
+            continue;
+        }
+        let write = file
+            .set_len(0)
+            .and_then(|()| file.rewind())
+            .and_then(|()| writeln!(file, "{}", std::process::id()));
+        write.map_err(failed)?;
+        return Ok(file);
+    }
+}

@@ -1,0 +1,103 @@
+//! What `hilare status` shows.
+
+use serde::{Deserialize, Serialize};
+
+/// State of a robot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// Its name.
+    pub robot: String,
+    /// Process id of its launch.
+    pub launch_pid: u32,
+    /// What drives the ticks.
+    pub clock: String,
+    /// What the operator wants: disarmed, armed, stop, e-stop.
+    pub mode: String,
+    /// Why the wheels turn as they do.
+    pub drive: String,
+    /// Ticks executed.
+    pub tick: u64,
+    /// Path progress: idle, tracking, arrived.
+    pub path_state: String,
+    /// Current waypoint.
+    pub waypoint: u64,
+    /// Waypoints of the path.
+    pub waypoints: u64,
+    /// Estimated pose: m, m, rad.
+    pub pose: [f64; 3],
+    /// Commanded speed, m/s, and yaw rate, rad/s.
+    pub speed_mps: f64,
+    /// Commanded yaw rate.
+    pub omega_radps: f64,
+    /// Commands that came late.
+    pub commands_late: u64,
+    /// Commands refused.
+    pub commands_rejected: u64,
+    /// Control cycles without a command.
+    pub cycles_without_command: u64,
+    /// Whole ticks the clock lost to pauses.
+    pub paused_ticks: u64,
+    /// Why the robot cannot go on, if so.
+    pub fault: Option<String>,
+    /// The processes.
+    pub processes: Vec<ProcessStatus>,
+}
+
+/// State of a process.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProcessStatus {
+    /// Its box.
+    pub name: String,
+    /// Its process id; 0 if it is not running.
+    pub pid: u32,
+    /// starting, ready, running, degraded, dead.
+    pub state: String,
+    /// Why, where there is more to say.
+    pub reason: String,
+    /// Times it was started again.
+    pub restarts: u64,
+    /// True for the controller in charge.
+    pub authority: bool,
+    /// What the kernel granted: `fifo:80 cpu:1 mlock`, or `best effort`.
+    pub granted: String,
+}
+
+impl Status {
+    /// The status for people.
+    pub fn to_text(&self) -> String {
+        let mut text = format!(
+            "{} ({} clock, launch {}): {}, {}\n",
+            self.robot, self.clock, self.launch_pid, self.mode, self.drive
+        );
+        if let Some(fault) = &self.fault {
+            text.push_str(&format!("  fault     {fault}\n"));
+        }
+        let [x, y, theta] = self.pose;
+        text.push_str(&format!(
+            "  path      {}, waypoint {} of {}\n  pose      x {:.4} m, y {:.4} m, heading {:.3} rad\n  \
+             command   {:.4} m/s, {:.3} rad/s at tick {}\n  counters  {} late, {} refused, {} cycles without, {} ticks paused\n",
+            self.path_state,
+            self.waypoint,
+            self.waypoints.saturating_sub(1),
+            x,
+            y,
+            theta,
+            self.speed_mps,
+            self.omega_radps,
+            self.tick,
+            self.commands_late,
+            self.commands_rejected,
+            self.cycles_without_command,
+            self.paused_ticks,
+        ));
+        text.push_str(&format!("  {:<18}{:>8}  {:<10}{:>9}  {}\n", "process", "pid", "state", "restarts", "granted"));
+        for process in &self.processes {
+            let name = if process.authority { format!("{} *", process.name) } else { process.name.clone() };
+            text.push_str(&format!(
+                "  {:<18}{:>8}  {:<10}{:>9}  {} {}\n",
+                name, process.pid, process.state, process.restarts, process.granted, process.reason
+            ));
+        }
+        text
+    }
+}

@@ -1,0 +1,313 @@
+//! The pictures of a run, after paper 1, figures 7, 8 and 10 to 12: where it went, how fast, how far
+//! off the line.
+
+use super::canvas::{
+    Area, Axes, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, LEFT, LIGHT, ORANGE, PALE, RIGHT, Sample, VERMILION,
+    WIDTH, axes, line, px, sheet, text_style, text_width, top,
+};
+use super::{labels, make_dir, thin, write_whole};
+use hilare_interfaces::block::TICKS_PER_SECOND;
+use hilare_interfaces::geometry::WorldPoint;
+use hilare_recorder::trace::TraceRow;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, VPos};
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct PlotInput<'a> {
+    /// What ran, for the titles.
+    pub title: &'a str,
+    /// The planned path.
+    pub waypoints: &'a [WorldPoint],
+    /// Acceptance radius of a waypoint, d_T, m.
+    pub acceptance_radius_m: f64,
+    /// Reference speed, v_r, m/s.
+    pub reference_speed_mps: f64,
+    /// The run, oldest first.
+    pub rows: &'a [TraceRow],
+}
+
+/// Points a curve is drawn with at most.
+const POINTS: usize = 4000;
+/// Waypoints up to which each has a dot and its circle.
+const DOTS: usize = 500;
+/// Waypoint changes up to which each has its vertical line.
+const CHANGES: usize = 100;
+/// Height of the plots over time, pixels.
+const HEIGHT: i32 = 440;
+/// Coordinates beyond this (m) are no robot's; a runaway must not blow up the axes.
+const FAR_M: f64 = 1e7;
+
+/// Writes `path.svg`, `speed.svg` and `cross_track.svg` into `dir`, which is made if need be, and
+/// returns their paths. Values that are not finite are left out. An error is one line that names
+/// the path and the reason.
+pub fn write_plots(dir: &Path, input: &PlotInput<'_>) -> io::Result<Vec<PathBuf>> {
+    make_dir(dir)?;
+    let plots = [
+        ("path.svg", path_svg(input)?),
+        ("speed.svg", speed_svg(input)?),
+        ("cross_track.svg", cross_track_svg(input)?),
+    ];
+    let mut written = Vec::with_capacity(plots.len());
+    for (name, svg) in plots {
+        let path = dir.join(name);
+        write_whole(&path, svg.as_bytes())?;
+        written.push(path);
+    }
+    Ok(written)
+}
+
+// --- where it went ---------------------------------------------------------------------------------
+
+/// The plane of the path plot, in `unit`s, the same number of pixels to a unit both ways.
+struct Plane {
+    x: Range<f64>,
+    y: Range<f64>,
+    /// Pixels of the plot's height.
+    height: i32,
+    /// Pixels to a unit.
+    scale: f64,
+}
+
+impl Plane {
+    /// Holds all points with `margin` (units) about each.
+    fn around(points: impl Iterator<Item = (f64, f64)>, margin: f64) -> Self {
+        let mut low = (f64::INFINITY, f64::INFINITY);
+        let mut high = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        for (x, y) in points {
+            low = (low.0.min(x), low.1.min(y));
+            high = (high.0.max(x), high.1.max(y));
+        }
+        if low.0 > high.0 {
+            (low, high) = ((0.0, 0.0), (0.0, 0.0));
+        }
+        let middle = ((low.0 + high.0) / 2.0, (low.1 + high.1) / 2.0);
+        // 8 % of air about the longer side, so that the numbers at the rim have room.
+        let air = margin + 0.08 * (high.0 - low.0).max(high.1 - low.1);
+        // Below a thousandth of a unit axis labels would be all digits.
+        let size = ((high.0 - low.0 + 2.0 * air).max(1e-3), (high.1 - low.1 + 2.0 * air).max(1e-3));
+        let width = WIDTH - LEFT - RIGHT;
+        let height = (f64::from(width) * size.1 / size.0).clamp(320.0, 760.0) as i32;
+        let scale = (f64::from(width) / size.0).min(f64::from(height) / size.1);
+        let half = (f64::from(width) / scale / 2.0, f64::from(height) / scale / 2.0);
+        Self {
+            x: middle.0 - half.0..middle.0 + half.0,
+            y: middle.1 - half.1..middle.1 + half.1,
+            height,
+            scale,
+        }
+    }
+
+    /// In pixels, y downwards.
+    fn pixel(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        ((x - self.x.start) * self.scale, (self.y.end - y) * self.scale)
+    }
+
+    fn point(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (x / self.scale + self.x.start, self.y.end - y / self.scale)
+    }
+}
+
+/// What the path plot shows, in its unit.
+struct Trails {
+    unit: &'static str,
+    per_metre: f64,
+    plan: Vec<(f64, f64)>,
+    estimate: Vec<(f64, f64)>,
+    truth: Vec<(f64, f64)>,
+    radius: f64,
+}
+
+impl Trails {
+    fn of(input: &PlotInput<'_>) -> Self {
+        let usable = |x: f64, y: f64| (x.abs() < FAR_M && y.abs() < FAR_M).then_some((x, y));
+        let plan: Vec<_> = input.waypoints.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect();
+        let estimate: Vec<_> =
+            input.rows.iter().filter_map(|row| usable(row.pose.x_m, row.pose.y_m)).collect();
+        let truth: Vec<_> =
+            input.rows.iter().filter_map(|row| usable(row.truth.x_m, row.truth.y_m)).collect();
+        let all = || plan.iter().chain(&estimate).chain(&truth);
+        // Millimetres as in the paper, as long as they can be read.
+        let farthest = all().fold(0.0, |far: f64, (x, y)| far.max(x.abs()).max(y.abs()));
+        let (unit, per_metre) = if farthest < 50.0 { ("mm", 1e3) } else { ("m", 1.0) };
+        let scaled = |points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+            points.into_iter().map(|(x, y)| (x * per_metre, y * per_metre)).collect()
+        };
+        let radius = input.acceptance_radius_m;
+        let radius = if radius > 0.0 && radius < FAR_M { radius * per_metre } else { 0.0 };
+        Self { unit, per_metre, radius, plan: scaled(plan), estimate: scaled(estimate), truth: scaled(truth) }
+    }
+
+    fn plane(&self) -> Plane {
+        let all = self.plan.iter().chain(&self.estimate).chain(&self.truth).copied();
+        // A robot that stands still is shown with a hand's breadth about it.
+        let margin = if self.plan.len() <= DOTS { self.radius } else { 0.0 };
+        Plane::around(all, margin.max(0.01 * self.per_metre))
+    }
+
+    fn legend(&self) -> Vec<Key> {
+        let mut legend = vec![Key::new(Sample::Waypoint(DARK), "planned path, waypoints")];
+        if self.radius > 0.0 && self.plan.len() <= DOTS {
+            let radius = (self.radius * 10.0).round() / 10.0;
+            legend.push(Key::new(Sample::Ring(LIGHT), format!("d_T {radius} {}", self.unit)));
+        }
+        legend.push(Key::new(Sample::Line(BLUE, 2), "estimate"));
+        legend.push(Key::new(Sample::Line(ORANGE, 5), "truth"));
+        legend.push(Key::new(Sample::Start, "start"));
+        legend.push(Key::new(Sample::End, "end"));
+        legend
+    }
+}
+
+fn path_svg(input: &PlotInput<'_>) -> io::Result<String> {
+    let trails = Trails::of(input);
+    let plane = trails.plane();
+    let legend = trails.legend();
+    let title = format!("Path: {}", input.title);
+    let height = top(&legend) + plane.height + BOTTOM;
+    sheet(height, &title, &legend, |area| draw_path(area, &trails, &plane))
+}
+
+fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
+    let (x_name, y_name) = (format!("x ({})", trails.unit), format!("y ({})", trails.unit));
+    let mut chart = axes(area, (plane.x.clone(), &x_name), (plane.y.clone(), &y_name))?;
+    let (estimate, truth) = (thin::thin(&trails.estimate, POINTS), thin::thin(&trails.truth, POINTS));
+    let radius = (trails.radius * plane.scale * f64::from(px(1))) as i32;
+    if trails.plan.len() <= DOTS && radius > px(4) {
+        chart.draw_series(trails.plan.iter().map(|p| Circle::new(*p, radius, line(LIGHT, 1))))?;
+    }
+    chart.draw_series(LineSeries::new(thin::thin(&trails.plan, POINTS), line(DARK, 1)))?;
+    // The broad truth lies under the narrow estimate: where they agree both are seen.
+    chart.draw_series(LineSeries::new(truth.iter().copied(), line(ORANGE, 5)))?;
+    chart.draw_series(LineSeries::new(estimate.iter().copied(), line(BLUE, 2)))?;
+    if trails.plan.len() <= DOTS {
+        let size = px(if trails.plan.len() > 100 { 2 } else { 3 });
+        chart.draw_series(trails.plan.iter().map(|p| Circle::new(*p, size, DARK.filled())))?;
+    }
+    if let (Some(start), Some(end)) = (trails.truth.first(), trails.truth.last()) {
+        chart.draw_series([Circle::new(*start, px(5), GREEN.filled())])?;
+        chart.draw_series([TriangleMarker::new(*end, px(7), VERMILION.filled())])?;
+    }
+    let pixels = |points: &[(f64, f64)]| points.iter().map(|p| plane.pixel(*p)).collect::<Vec<_>>();
+    let mut ink = pixels(&estimate);
+    ink.extend(pixels(&truth));
+    let style = text_style(labels::SIZE, DARK, HPos::Center, VPos::Center);
+    let numbers = labels::place(&pixels(&trails.plan), &ink);
+    chart.draw_series(
+        numbers.into_iter().map(|label| Text::new(label.text, plane.point(label.at), style.clone())),
+    )?;
+    Ok(())
+}
+
+// --- how fast, how far off -------------------------------------------------------------------------
+
+/// Seconds of a row, and a value of it, where it is finite.
+fn curve(input: &PlotInput<'_>, value: impl Fn(&TraceRow) -> f64) -> Vec<(f64, f64)> {
+    let points = input.rows.iter().map(|row| (seconds(row.tick), value(row)));
+    points.filter(|(_, y)| y.abs() < FAR_M * 1e3).collect()
+}
+
+fn seconds(tick: u64) -> f64 {
+    tick as f64 / TICKS_PER_SECOND as f64
+}
+
+/// From nothing (or the first row, of a run that was joined late) to the last.
+fn time_range(points: &[(f64, f64)]) -> Range<f64> {
+    let (first, last) = (points.first().map_or(0.0, |p| p.0), points.last().map_or(0.0, |p| p.0));
+    let from = if first < last / 10.0 || first == last { 0.0 } else { first };
+    from..last.max(from + 0.1)
+}
+
+/// Holds 0 and all values with some air.
+fn value_range(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = values.fold((0.0f64, 0.0f64), |(low, high), y| (low.min(y), high.max(y)));
+    let air = 0.08 * (high - low);
+    let high = if high - low < 1e-9 { low + 1.0 } else { high + air };
+    (if low < 0.0 { low - air } else { 0.0 })..high
+}
+
+fn draw_curve(chart: &mut Axes<'_, '_>, points: &[(f64, f64)]) -> Drawn {
+    // A line of one point would not be seen.
+    if let [only] = points {
+        chart.draw_series([Circle::new(*only, px(3), BLUE.filled())])?;
+    }
+    chart.draw_series(LineSeries::new(thin::thin(points, POINTS), line(BLUE, 2)))?;
+    Ok(())
+}
+
+fn flat(chart: &mut Axes<'_, '_>, time: &Range<f64>, y: f64) -> Drawn {
+    chart.draw_series(LineSeries::new([(time.start, y), (time.end, y)], line(VERMILION, 2)))?;
+    Ok(())
+}
+
+fn speed_svg(input: &PlotInput<'_>) -> io::Result<String> {
+    let points = curve(input, |row| row.speed_mps * 1e3);
+    let reference = input.reference_speed_mps * 1e3;
+    let reference = (reference.abs() < FAR_M).then_some(reference);
+    let mut legend = vec![Key::new(Sample::Line(BLUE, 2), "commanded, after the constraints")];
+    if let Some(v_r) = reference {
+        legend.push(Key::new(Sample::Line(VERMILION, 2), format!("reference v_r {v_r:.1} mm/s")));
+    }
+    let time = time_range(&points);
+    let range = value_range(points.iter().map(|p| p.1).chain(reference));
+    sheet(HEIGHT, &format!("Speed: {}", input.title), &legend, |area| {
+        let mut chart = axes(area, (time.clone(), "time (s)"), (range, "linear speed (mm/s)"))?;
+        if let Some(v_r) = reference {
+            flat(&mut chart, &time, v_r)?;
+        }
+        draw_curve(&mut chart, &points)?;
+        Ok(())
+    })
+}
+
+fn cross_track_svg(input: &PlotInput<'_>) -> io::Result<String> {
+    let points = curve(input, |row| (row.cross_track_m * 1e3).abs());
+    let mean = (!points.is_empty()).then(|| points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64);
+    let changes: Vec<(f64, u64)> = input
+        .rows
+        .windows(2)
+        .filter(|pair| pair[0].waypoint != pair[1].waypoint)
+        .map(|pair| (seconds(pair[1].tick), pair[1].waypoint))
+        .take(CHANGES + 1)
+        .collect();
+    // A fence hides what is behind it.
+    let changes = if changes.len() > CHANGES { Vec::new() } else { changes };
+    let mut legend = vec![Key::new(Sample::Line(BLUE, 2), "|cross-track| of the truth")];
+    if let Some(mean) = mean {
+        legend.push(Key::new(Sample::Line(VERMILION, 2), format!("mean {mean:.1} mm")));
+    }
+    if !changes.is_empty() {
+        legend.push(Key::new(Sample::Line(PALE, 1), "heads for the next waypoint"));
+    }
+    let time = time_range(&points);
+    let range = value_range(points.iter().map(|p| p.1));
+    sheet(HEIGHT, &format!("Cross-track: {}", input.title), &legend, |area| {
+        let top = range.end;
+        let mut chart = axes(area, (time.clone(), "time (s)"), (range, "cross-track error (mm)"))?;
+        draw_changes(&mut chart, &changes, &time, top)?;
+        draw_curve(&mut chart, &points)?;
+        mean.map_or(Ok(()), |mean| flat(&mut chart, &time, mean))
+    })
+}
+
+/// A vertical line at each change of waypoint, numbered where there is room.
+fn draw_changes(chart: &mut Axes<'_, '_>, changes: &[(f64, u64)], time: &Range<f64>, top: f64) -> Drawn {
+    let per_second = f64::from(WIDTH - LEFT - RIGHT) / (time.end - time.start);
+    let style = text_style(11, DARK, HPos::Left, VPos::Top);
+    let mut free_from_s = f64::NEG_INFINITY;
+    for (at_s, waypoint) in changes {
+        let post = [(*at_s, 0.0), (*at_s, top)];
+        chart.draw_series([PathElement::new(post, line(PALE, 1))])?;
+        let text = waypoint.to_string();
+        let wide_s = f64::from(text_width(&text, 11) + 8) / per_second;
+        if *at_s >= free_from_s && at_s + wide_s < time.end {
+            let at = (at_s + 3.0 / per_second, top);
+            chart.draw_series([Text::new(text, at, style.clone())])?;
+            free_from_s = at_s + wide_s;
+        }
+    }
+    Ok(())
+}

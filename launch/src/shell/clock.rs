@@ -1,0 +1,190 @@
+//! The step generator's process: the clock of the system.
+//!
+//! `real`: absolute sleeps on CLOCK_MONOTONIC, one tick each. A wake-up less than a tick late keeps
+//! the schedule. One a tick or more late (the host stole the core) drops the whole ticks lost, keeps
+//! the phase and counts them as a pause: the robot waits, it never hurries to catch up, no step is
+//! lost, and the bits stay those of the simulation.
+//!
+//! `lockstep`: virtual time. A tick is executed as soon as the command of its cycle is there and the
+//! readers of the steps have kept up.
+
+use super::page::{MAX_WAIT, SharedPage};
+use super::transport::{Input, Output, TransportError};
+use super::worker::{Report, Worker};
+use super::{ClockKind, build};
+use hilare_interfaces::block::{Block, TICK_S, Tick};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{Authority, Command, HealthState, Mode, Steps};
+use hilare_interfaces::wires::{self, Role};
+use hilare_step_generator::{StepGenerator, StepInputs};
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
+use rustix::time::{Timespec, clock_gettime};
+use std::time::{Duration, Instant};
+
+const TICK_NS: i64 = (TICK_S * 1e9) as i64;
+/// Ticks the lockstep clock may be ahead of the slowest reader; well inside the wires' buffers.
+const LOCKSTEP_LEAD: u64 = 512;
+/// How long the lockstep clock sleeps when a reader is behind.
+const BACK_PRESSURE: Duration = Duration::from_micros(200);
+/// Commands taken in at most in one tick; more are a fault of their writer and wait.
+const COMMANDS_PER_TICK: usize = 16;
+/// Ticks in which a robot told to end its drive must stand still before the process leaves.
+const FAREWELL_TICKS: u64 = 100;
+
+/// The process.
+pub struct ClockProcess {
+    generator: StepGenerator,
+    authority: Input<Authority>,
+    command: Input<Command>,
+    steps: Output<Steps>,
+    tick: Tick,
+    armed_once: bool,
+    report: Report,
+}
+
+impl ClockProcess {
+    /// Opens its ports.
+    pub fn new(worker: &Worker) -> Result<Self, String> {
+        let transport = |error: TransportError| error.to_string();
+        Ok(Self {
+            generator: build::step_generator(&worker.system, worker.assignment.clock),
+            authority: worker.domain.input(&wires::AUTHORITY).map_err(transport)?,
+            command: worker.domain.input(&wires::COMMAND).map_err(transport)?,
+            steps: worker.domain.output(&wires::STEPS).map_err(transport)?,
+            tick: 0,
+            armed_once: false,
+            report: Report::default(),
+        })
+    }
+
+    /// Runs until the process is to leave.
+    pub fn run(mut self, mut worker: Worker) -> Result<(), String> {
+        let connect = || {
+            self.authority.connect();
+            self.command.connect();
+            self.steps.connect();
+        };
+        if !worker.go(connect) {
+            return Ok(());
+        }
+        self.wait_until_armed(&mut worker);
+        if self.armed_once {
+            match worker.assignment.clock {
+                ClockKind::Real => self.run_real(&mut worker),
+                ClockKind::Lockstep | ClockKind::InProcess => self.run_lockstep(&mut worker),
+            }
+        }
+        Ok(())
+    }
+
+    /// Time begins with the first arming: message 0 tells everybody where the robot stands.
+    fn wait_until_armed(&mut self, worker: &mut Worker) {
+        let slot = worker.assignment.slot;
+        while !worker.leaving() {
+            let seen = worker.page.bell(slot);
+            self.take_in(0);
+            if self.armed_once {
+                self.steps.send(self.generator.state());
+                worker.page.ring(&wires::STEPS);
+                return;
+            }
+            let report = Report { state: HealthState::Ready, ..self.report };
+            worker.heartbeat(Instant::now(), || report);
+            worker.page.wait(slot, seen, Duration::from_millis(10));
+        }
+    }
+
+    /// Takes in everything that arrived, without spending a tick.
+    fn take_in(&mut self, paused_ticks: u64) {
+        while let Some(authority) = self.authority.next() {
+            self.armed_once |= authority.mode == Mode::Armed.code();
+            let inputs = StepInputs { authority: Some(&authority), commands: &[], paused_ticks };
+            self.generator.take_in(self.tick, inputs);
+        }
+        for _ in 0..COMMANDS_PER_TICK {
+            let Some(command) = self.command.next() else { break };
+            let inputs = StepInputs { commands: std::slice::from_ref(&command), ..StepInputs::default() };
+            self.generator.take_in(self.tick, inputs);
+        }
+    }
+
+    /// Executes one tick and publishes it.
+    fn execute(&mut self, paused_ticks: u64) -> Steps {
+        let steps = self.generator.step(self.tick, StepInputs { paused_ticks, ..StepInputs::default() });
+        self.tick = steps.tick;
+        self.steps.send(&steps);
+        self.report.tick = steps.tick;
+        self.report.steps += 1;
+        self.report.rejected = steps.commands_rejected;
+        steps
+    }
+
+    fn run_real(&mut self, worker: &mut Worker) {
+        let mut deadline_ns = now_ns();
+        let mut farewell = 0;
+        loop {
+            deadline_ns += TICK_NS;
+            sleep_until_ns(deadline_ns);
+            let late_ns = (now_ns() - deadline_ns).max(0);
+            worker.latency.record(late_ns as u64);
+            let paused = late_ns / TICK_NS;
+            deadline_ns += paused * TICK_NS;
+            if worker.leaving() {
+                // Nobody is left to command: without fresh authority the ramp ends the motion.
+                self.generator.take_in(self.tick, StepInputs { authority: Some(&last_stop()), ..StepInputs::default() });
+                farewell += 1;
+            } else {
+                self.take_in(0);
+            }
+            let steps = self.execute(paused as u64);
+            worker.page.ring(&wires::STEPS);
+            let report = self.report;
+            worker.heartbeat(Instant::now(), || report);
+            let still = steps.twist == [0.0; 3];
+            if farewell > 0 && (still || farewell > FAREWELL_TICKS) {
+                return;
+            }
+        }
+    }
+
+    fn run_lockstep(&mut self, worker: &mut Worker) {
+        let slot = worker.assignment.slot;
+        while !worker.leaving() {
+            let seen = worker.page.bell(slot);
+            self.take_in(0);
+            if self.generator.awaits_command(self.tick) {
+                worker.page.ring(&wires::STEPS);
+                worker.page.wait(slot, seen, MAX_WAIT);
+            } else if readers_behind(&worker.page, self.tick) {
+                worker.page.ring(&wires::STEPS);
+                worker.page.wait(slot, seen, BACK_PRESSURE);
+            } else {
+                self.execute(0);
+                continue;
+            }
+            let report = self.report;
+            worker.heartbeat(Instant::now(), || report);
+        }
+    }
+}
+
+/// The authority a departing clock gives itself.
+fn last_stop() -> Authority {
+    Authority { seq: u64::MAX, mode: Mode::Stop.code(), ..Authority::ZERO }
+}
+
+fn readers_behind(page: &SharedPage, tick: Tick) -> bool {
+    let readers = [Role::PoseEstimator, Role::Plant, Role::Recorder];
+    tick > page.least_progress(&readers).saturating_add(LOCKSTEP_LEAD)
+}
+
+fn now_ns() -> i64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
+fn sleep_until_ns(deadline_ns: i64) {
+    let deadline = Timespec { tv_sec: deadline_ns / 1_000_000_000, tv_nsec: deadline_ns % 1_000_000_000 };
+    // A signal ends the sleep early: sleep on, the flag is read after the tick.
+    while clock_nanosleep_absolute(ClockId::Monotonic, &deadline) == Err(rustix::io::Errno::INTR) {}
+}

@@ -1,0 +1,117 @@
+//! All boxes in one thread: the same `step`s in the same order as the processes take them, without
+//! wires. For the tuner, the tests and quick answers.
+
+use super::{ClockKind, build};
+use crate::config::System;
+use hilare_controller::{Controller, ControllerInputs, Identity};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::geometry::WorldPoint;
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{
+    Authority, Command, Mode, PathHeader, Pose, Reference, ReferenceState, Steps, Truth, Waypoint,
+};
+use hilare_plant::StepperDrive;
+use hilare_pose_estimator::PoseEstimator;
+use hilare_recorder::{RunRecord, TickRecord};
+use hilare_step_generator::{StepGenerator, StepInputs};
+use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
+
+/// The whole system in one thread.
+pub struct InProcess {
+    period_ticks: u64,
+    generator: StepGenerator,
+    estimator: PoseEstimator,
+    selector: WaypointSelector,
+    controller: Controller,
+    plant: StepperDrive,
+    path: Option<Vec<Waypoint>>,
+    tick: Tick,
+    steps: Steps,
+    pose: Pose,
+    truth: Truth,
+    reference: Reference,
+    command: Option<Command>,
+}
+
+impl InProcess {
+    /// Armed, at the start pose, with a path to follow.
+    pub fn new(system: &System, waypoints: &[WorldPoint]) -> Result<Self, String> {
+        let identity = Identity { source: 1, epoch: 1 };
+        let mut generator = build::step_generator(system, ClockKind::InProcess);
+        let authority = Authority { seq: 1, mode: Mode::Armed.code(), source: 1, epoch: 1 };
+        generator.take_in(0, StepInputs { authority: Some(&authority), ..StepInputs::default() });
+        let mut estimator = build::pose_estimator(system);
+        let mut plant = build::plant(system)?;
+        let steps = *generator.state();
+        Ok(Self {
+            period_ticks: system.timing.period_ticks,
+            pose: estimator.step(0, &steps),
+            truth: plant.step(0, &steps),
+            generator,
+            estimator,
+            selector: build::waypoint_selector(system),
+            controller: build::controller(system, identity)?,
+            plant,
+            path: Some(waypoints.iter().map(|point| Waypoint::from(*point)).collect()),
+            tick: 0,
+            steps,
+            reference: Reference::ZERO,
+            command: None,
+        })
+    }
+
+    /// The last waypoint was accepted.
+    pub fn arrived(&self) -> bool {
+        self.reference.state == ReferenceState::Arrived.code()
+    }
+
+    /// State of the step generator.
+    pub fn steps(&self) -> &Steps {
+        &self.steps
+    }
+
+    /// Executes one tick, unless the pose before it is the arrival. False then.
+    #[inline]
+    pub fn tick(&mut self) -> bool {
+        if self.tick.is_multiple_of(self.period_ticks) {
+            self.control();
+            if self.arrived() {
+                return false;
+            }
+        }
+        let commands = self.command.take();
+        let inputs = StepInputs { commands: commands.as_slice(), ..StepInputs::default() };
+        self.steps = self.generator.step(self.tick, inputs);
+        self.pose = self.estimator.step(self.steps.tick, &self.steps);
+        self.truth = self.plant.step(self.steps.tick, &self.steps);
+        self.tick = self.steps.tick;
+        true
+    }
+
+    /// Selector and controller, once a control period.
+    fn control(&mut self) {
+        let path = self.path.take();
+        let header = PathHeader { path_id: 1, goal_id: 0 };
+        let path = path.as_ref().map(|waypoints| NewPath { header: &header, waypoints });
+        self.reference = self.selector.step(self.tick, SelectorInputs { pose: &self.pose, path });
+        let inputs = ControllerInputs { reference: &self.reference, pose: &self.pose };
+        self.command = Some(self.controller.step(self.tick, inputs));
+    }
+
+    /// Runs until arrival or `max_ticks`, recording every tick.
+    pub fn run(&mut self, max_ticks: Tick) -> RunRecord {
+        let mut record = RunRecord::new(self.period_ticks);
+        while self.tick < max_ticks && self.tick() {
+            record.push(TickRecord {
+                steps: &self.steps,
+                pose: &self.pose,
+                truth: &self.truth,
+                reference: &self.reference,
+            });
+        }
+        if self.arrived() {
+            record.statistics.note_arrival();
+        }
+        record
+    }
+}

@@ -1,0 +1,303 @@
+//! Doorbells and progress marks: one page of shared memory beside the wires.
+//!
+//! Messages travel over iceoryx2; what it does not give is a cheap way to sleep until one is there
+//! (its events cost about 12 µs a hop, a futex on the same core 4 µs). So every worker has a doorbell,
+//! a futex word that writers ring after sending. Nobody depends on it for correctness: a lost or a
+//! spurious ring only changes when a worker looks at its wires, and each looks every
+//! [`MAX_WAIT`] anyway.
+//!
+//! The page is a memfd that launch creates and workers inherit: it has no name, so nothing of it can
+//! be left behind.
+
+#![allow(unsafe_code)]
+
+use hilare_interfaces::wires::{Role, Wire};
+use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::thread::futex;
+use rustix::time::Timespec;
+use std::io;
+use std::ops::Deref;
+use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::time::Duration;
+
+/// Processes a system can have.
+pub const MAX_SLOTS: usize = 16;
+/// Longest sleep on a doorbell.
+pub const MAX_WAIT: Duration = Duration::from_millis(50);
+/// Environment variable that tells a worker the inherited page.
+pub const PAGE_FD: &str = "HILARE_PAGE_FD";
+
+/// Where the system as a whole is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
+pub enum Phase {
+    /// Workers open their ports.
+    Starting = 0,
+    /// All ports exist: connect, then work.
+    Go = 1,
+    /// Everybody leaves.
+    Leave = 2,
+}
+
+/// How far a worker is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
+pub enum SlotState {
+    /// Not running.
+    Empty = 0,
+    /// Its ports exist.
+    Ready = 1,
+    /// Connected and working.
+    Working = 2,
+}
+
+const MAGIC: u64 = 0x6869_6c61_7265_0001;
+
+/// Own cache lines, so that one worker's doorbell does not slow another's.
+#[repr(C, align(128))]
+struct Slot {
+    bell: AtomicU32,
+    waiting: AtomicU32,
+    state: AtomicU32,
+    progress: AtomicU64,
+}
+
+/// The page as it lies in memory; all zero is a valid, empty page.
+#[repr(C)]
+pub struct Page {
+    magic: AtomicU64,
+    phase: AtomicU32,
+    /// Bit set of slots for each role.
+    members: [AtomicU64; 8],
+    slots: [Slot; MAX_SLOTS],
+}
+
+impl Page {
+    /// Rings every worker that the wire wakes.
+    pub fn ring(&self, wire: &Wire) {
+        for reader in wire.to.iter().filter(|reader| reader.wakes) {
+            let mut members = self.members[reader.role as usize].load(Ordering::Relaxed);
+            while members != 0 {
+                self.ring_slot(members.trailing_zeros() as usize);
+                members &= members - 1;
+            }
+        }
+    }
+
+    /// Rings one worker.
+    pub fn ring_slot(&self, slot: usize) {
+        let slot = &self.slots[slot % MAX_SLOTS];
+        // SeqCst on both sides: either the waiter sees the new bell, or we see that it waits.
+        slot.bell.fetch_add(1, Ordering::SeqCst);
+        if slot.waiting.load(Ordering::SeqCst) != 0 {
+            let _ = futex::wake(&slot.bell, futex::Flags::empty(), i32::MAX as u32);
+        }
+    }
+
+    /// The bell of a slot; read it before looking at the wires, then give it to [`Page::wait`].
+    pub fn bell(&self, slot: usize) -> u32 {
+        self.slots[slot].bell.load(Ordering::SeqCst)
+    }
+
+    /// Sleeps until the bell is no longer `seen`, a signal comes, or `timeout` (at most
+    /// [`MAX_WAIT`]) is over.
+    pub fn wait(&self, slot: usize, seen: u32, timeout: Duration) {
+        let slot = &self.slots[slot];
+        let timeout = timeout.min(MAX_WAIT);
+        let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(timeout.subsec_nanos()) };
+        slot.waiting.store(1, Ordering::SeqCst);
+        if slot.bell.load(Ordering::SeqCst) == seen {
+            // EINTR, EAGAIN and time-out all mean the same to the caller: look again.
+            let _ = futex::wait(&slot.bell, futex::Flags::empty(), seen, Some(&timeout));
+        }
+        slot.waiting.store(0, Ordering::SeqCst);
+    }
+
+    /// Marks ticks as worked on, for the lockstep clock.
+    pub fn set_progress(&self, slot: usize, tick: u64) {
+        self.slots[slot].progress.store(tick, Ordering::Release);
+    }
+
+    /// The least progress of the working members of `roles`; `u64::MAX` without any.
+    pub fn least_progress(&self, roles: &[Role]) -> u64 {
+        roles
+            .iter()
+            .flat_map(|role| self.members(*role))
+            .filter(|slot| self.state(*slot) == SlotState::Working)
+            .map(|slot| self.slots[slot].progress.load(Ordering::Acquire))
+            .min()
+            .unwrap_or(u64::MAX)
+    }
+
+    /// Slots of a role.
+    pub fn members(&self, role: Role) -> impl Iterator<Item = usize> + use<> {
+        let members = self.members[role as usize].load(Ordering::Relaxed);
+        (0..MAX_SLOTS).filter(move |slot| members >> slot & 1 == 1)
+    }
+
+    /// Launch: gives a slot to a role, empty.
+    pub fn assign(&self, slot: usize, role: Role) {
+        self.set_state(slot, SlotState::Empty);
+        self.slots[slot].progress.store(0, Ordering::Relaxed);
+        self.members[role as usize].fetch_or(1 << slot, Ordering::SeqCst);
+    }
+
+    /// Sets how far a worker is.
+    pub fn set_state(&self, slot: usize, state: SlotState) {
+        self.slots[slot].state.store(state as u32, Ordering::SeqCst);
+    }
+
+    /// How far a worker is.
+    pub fn state(&self, slot: usize) -> SlotState {
+        match self.slots[slot].state.load(Ordering::SeqCst) {
+            0 => SlotState::Empty,
+            1 => SlotState::Ready,
+            _ => SlotState::Working,
+        }
+    }
+
+    /// Launch: moves the system to a phase and wakes everybody.
+    pub fn set_phase(&self, phase: Phase) {
+        self.phase.store(phase as u32, Ordering::SeqCst);
+        (0..MAX_SLOTS).for_each(|slot| self.ring_slot(slot));
+    }
+
+    /// Where the system is.
+    pub fn phase(&self) -> Phase {
+        match self.phase.load(Ordering::SeqCst) {
+            0 => Phase::Starting,
+            1 => Phase::Go,
+            _ => Phase::Leave,
+        }
+    }
+}
+
+/// The page, mapped into this process.
+pub struct SharedPage {
+    page: NonNull<Page>,
+    /// Kept open by launch so that children inherit it.
+    fd: Option<OwnedFd>,
+}
+
+// SAFETY: the page consists of atomics only.
+unsafe impl Send for SharedPage {}
+// SAFETY: as above.
+unsafe impl Sync for SharedPage {}
+
+impl SharedPage {
+    /// Launch: a new, empty page. Its descriptor is inherited by children.
+    pub fn create() -> io::Result<Self> {
+        let fd = memfd_create("hilare", MemfdFlags::empty())?;
+        ftruncate(&fd, size_of::<Page>() as u64)?;
+        let page = Self { page: map(&fd)?, fd: Some(fd) };
+        page.magic.store(MAGIC, Ordering::SeqCst);
+        Ok(page)
+    }
+
+    /// What [`PAGE_FD`] must be for a child.
+    pub fn inherited_fd(&self) -> String {
+        self.fd.as_ref().map_or(-1, AsRawFd::as_raw_fd).to_string()
+    }
+
+    /// A worker: the page launch passed on.
+    pub fn inherit() -> io::Result<Self> {
+        let wrong = |why: &str| io::Error::other(format!("{PAGE_FD}: {why}; workers are started by hilare up or run"));
+        let number = std::env::var(PAGE_FD).map_err(|_| wrong("not set"))?;
+        let number: i32 = number.parse().ok().filter(|fd| *fd > 2).ok_or_else(|| wrong("not a descriptor"))?;
+        // SAFETY: borrowed for this call only; a number that is not an open descriptor makes fstat
+        // and mmap fail.
+        let fd = unsafe { BorrowedFd::borrow_raw(number) };
+        if rustix::fs::fstat(fd)?.st_size as usize != size_of::<Page>() {
+            return Err(wrong("of another version of hilare"));
+        }
+        let page = Self { page: map(fd)?, fd: None };
+        if page.magic.load(Ordering::SeqCst) != MAGIC {
+            return Err(wrong("of another version of hilare"));
+        }
+        Ok(page)
+    }
+}
+
+fn map(fd: impl std::os::fd::AsFd) -> io::Result<NonNull<Page>> {
+    let (protection, flags) = (ProtFlags::READ | ProtFlags::WRITE, MapFlags::SHARED | MapFlags::POPULATE);
+    // SAFETY: a fresh mapping of a file of the page's size; nothing else is unmapped.
+    let address = unsafe { mmap(std::ptr::null_mut(), size_of::<Page>(), protection, flags, fd, 0) }?;
+    NonNull::new(address.cast()).ok_or_else(|| io::Error::other("mmap returned null"))
+}
+
+impl Deref for SharedPage {
+    type Target = Page;
+
+    fn deref(&self) -> &Page {
+        // SAFETY: mapped at creation, unmapped on drop only; all-zero and any other content is valid
+        // for atomics.
+        unsafe { self.page.as_ref() }
+    }
+}
+
+impl Drop for SharedPage {
+    fn drop(&mut self) {
+        // SAFETY: mapped by us with this size; no reference outlives self.
+        let _ = unsafe { munmap(self.page.as_ptr().cast(), size_of::<Page>()) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::wires;
+    use std::time::Instant;
+
+    #[test]
+    fn a_ring_before_the_wait_is_not_lost() {
+        let page = SharedPage::create().unwrap();
+        page.assign(3, Role::PoseEstimator);
+        let seen = page.bell(3);
+        page.ring(&wires::STEPS);
+        let start = Instant::now();
+        page.wait(3, seen, MAX_WAIT);
+        assert!(start.elapsed() < MAX_WAIT, "returned at once, not by time-out");
+        assert_ne!(page.bell(3), seen);
+        let other = page.bell(4);
+        page.ring(&wires::STEPS);
+        assert_eq!(page.bell(4), other, "a slot without the role is left alone");
+    }
+
+    #[test]
+    fn rings_wake_a_sleeper_in_another_thread() {
+        let page = SharedPage::create().unwrap();
+        page.assign(0, Role::Plant);
+        std::thread::scope(|scope| {
+            let sleeper = scope.spawn(|| {
+                let mut rings = 0;
+                while rings < 200 {
+                    let seen = page.bell(0);
+                    if seen > rings {
+                        rings = seen;
+                        continue;
+                    }
+                    page.wait(0, seen, MAX_WAIT);
+                }
+            });
+            while !sleeper.is_finished() {
+                page.ring(&wires::STEPS);
+            }
+        });
+    }
+
+    #[test]
+    fn only_working_members_hold_back_the_clock() {
+        let page = SharedPage::create().unwrap();
+        assert_eq!(page.least_progress(&[Role::Plant]), u64::MAX);
+        page.assign(1, Role::Plant);
+        page.assign(2, Role::PoseEstimator);
+        page.set_state(1, SlotState::Working);
+        page.set_state(2, SlotState::Working);
+        page.set_progress(1, 7);
+        page.set_progress(2, 9);
+        assert_eq!(page.least_progress(&[Role::Plant, Role::PoseEstimator]), 7);
+        page.set_state(1, SlotState::Empty);
+        assert_eq!(page.least_progress(&[Role::Plant, Role::PoseEstimator]), 9);
+    }
+}

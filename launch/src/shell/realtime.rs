@@ -1,0 +1,108 @@
+//! What is asked of the kernel for a worker, and what it granted.
+//!
+//! Every grant is read back from the kernel and reported; a refusal is never fatal and never
+//! silent.
+
+#![allow(unsafe_code)]
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::process::{Resource, getrlimit};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::io;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// SCHED_FIFO priority; 0 leaves the default policy.
+    pub priority: u64,
+    /// Processor to stay on.
+    pub cpu: CpuChoice,
+    /// Lock all memory, so that no page fault can happen.
+    pub lock_memory: bool,
+}
+
+/// Which processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CpuChoice {
+    /// Any.
+    Any,
+    /// The last one this process may use.
+    Last,
+    /// This one.
+    Number(usize),
+}
+
+/// What the kernel says the process has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Granted {
+    /// Runs under SCHED_FIFO.
+    pub fifo: bool,
+    /// Its real-time priority.
+    pub priority: u64,
+    /// The one processor it is bound to.
+    pub cpu: Option<u64>,
+    /// Its memory is locked.
+    pub mlock: bool,
+}
+
+/// Asks for `request`; what was refused is seen by comparing with [`granted`].
+pub fn apply(request: Request) {
+    if request.lock_memory {
+        // Without room for everything to come, MCL_FUTURE would make later mappings fail.
+        let unlimited = getrlimit(Resource::Memlock).current.is_none();
+        let root = rustix::process::geteuid().is_root();
+        let future = if unlimited || root { MlockAllFlags::FUTURE } else { MlockAllFlags::empty() };
+        let _ = mlockall(MlockAllFlags::CURRENT | future);
+    }
+    if let Some(cpu) = chosen_cpu(request.cpu) {
+        let mut set = CpuSet::new();
+        set.set(cpu);
+        let _ = sched_setaffinity(None, &set);
+    }
+    if request.priority > 0 {
+        let _ = set_fifo(request.priority, false);
+    }
+}
+
+fn chosen_cpu(choice: CpuChoice) -> Option<usize> {
+    let allowed = sched_getaffinity(None).ok()?;
+    match choice {
+        CpuChoice::Any => None,
+        CpuChoice::Number(cpu) => (cpu < CpuSet::MAX_CPU && allowed.is_set(cpu)).then_some(cpu),
+        CpuChoice::Last => (0..CpuSet::MAX_CPU).rev().find(|cpu| allowed.is_set(*cpu)),
+    }
+}
+
+/// Puts the calling thread under SCHED_FIFO. With `reset_on_fork` its children and threads are not.
+pub fn set_fifo(priority: u64, reset_on_fork: bool) -> io::Result<()> {
+    let policy = libc::SCHED_FIFO | if reset_on_fork { libc::SCHED_RESET_ON_FORK } else { 0 };
+    let parameters = libc::sched_param { sched_priority: priority as libc::c_int };
+    // SAFETY: sets the calling thread's policy from a valid struct; no library wraps this call.
+    let result = unsafe { libc::sched_setscheduler(0, policy, &parameters) };
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Reads back what the calling thread has.
+pub fn granted() -> Granted {
+    // SAFETY: no arguments but a thread id, 0 for the calling one.
+    let policy = unsafe { libc::sched_getscheduler(0) } & !libc::SCHED_RESET_ON_FORK;
+    let mut parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: the kernel fills the struct it is given.
+    unsafe { libc::sched_getparam(0, &mut parameters) };
+    let cpu = sched_getaffinity(None).ok().filter(|set| set.count() == 1).and_then(|set| {
+        (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
+    });
+    let locked = std::fs::read_to_string("/proc/self/status").is_ok_and(|status| {
+        status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmLck:"))
+            .and_then(|kib| kib.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
+            .is_some_and(|kib| kib > 0)
+    });
+    Granted {
+        fifo: policy == libc::SCHED_FIFO,
+        priority: u64::try_from(parameters.sched_priority).unwrap_or(0),
+        cpu,
+        mlock: locked,
+    }
+}

@@ -1,0 +1,400 @@
+//! The wires over iceoryx2. Nothing outside this file knows how messages travel.
+//!
+//! Launch creates and holds every service before a worker starts; workers only open. A service
+//! carries the layout hash of its messages as an attribute, so that two builds whose messages differ
+//! in more than size are refused, with both sides named.
+
+#![allow(unsafe_code)]
+
+use hilare_interfaces::layout::WireMessage;
+use hilare_interfaces::wires::{WIRES, Wire};
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::*;
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
+use std::fmt;
+use std::path::Path as FsPath;
+
+type Ipc = ipc::Service;
+
+/// Processes that may take part: workers, launch, observers.
+const MAX_NODES: usize = 32;
+/// Name of the iceoryx2 configuration in a robot's runtime directory.
+pub const CONFIG_FILE: &str = "iceoryx2.toml";
+
+/// Any failure of the transport: one line with the wire, the cause, the cure where one is known.
+#[derive(Debug)]
+pub struct TransportError(String);
+
+impl fmt::Display for TransportError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for TransportError {}
+
+fn failed(what: impl fmt::Display, cause: impl fmt::Debug) -> TransportError {
+    TransportError(format!("{what}: {cause:?}"))
+}
+
+/// A wire message as iceoryx2 wants to see it.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug)]
+struct OnWire<T>(T);
+
+impl<T: WireMessage> Default for OnWire<T> {
+    fn default() -> Self {
+        Self(T::ZERO)
+    }
+}
+
+// SAFETY: WireMessage promises repr(C), no padding, no pointers, any bit pattern valid; the name is
+// versioned and the same in every language.
+unsafe impl<T: WireMessage + fmt::Debug> ZeroCopySend for OnWire<T> {
+    unsafe fn type_name() -> &'static str {
+        T::NAME
+    }
+}
+
+/// Names of a robot's iceoryx2 domain: files in shared memory begin with it.
+pub fn shm_prefix(robot: &str) -> String {
+    format!("hilare_{robot}_")
+}
+
+/// Launch: writes the domain's configuration into the runtime directory.
+pub fn write_config(runtime_dir: &FsPath, robot: &str) -> Result<(), TransportError> {
+    let mut config = Config::default();
+    let root = runtime_dir.join("iceoryx2");
+    let root = Path::new(root.as_os_str().as_encoded_bytes()).map_err(|e| failed(root.display(), e))?;
+    config.global.set_root_path(&root);
+    config.global.prefix =
+        FileName::new(shm_prefix(robot).as_bytes()).map_err(|e| failed("robot name", e))?;
+    let text = toml::to_string(&config).map_err(|e| failed("iceoryx2 configuration", e))?;
+    let file = runtime_dir.join(CONFIG_FILE);
+    std::fs::write(&file, text).map_err(|e| TransportError(format!("{}: {e}", file.display())))
+}
+
+/// A process's place in a robot's domain.
+pub struct Domain {
+    node: Node<Ipc>,
+}
+
+impl Domain {
+    /// Joins the domain whose configuration lies in `runtime_dir`. Once a process.
+    pub fn join(runtime_dir: &FsPath, name: &str) -> Result<Self, TransportError> {
+        set_log_level(LogLevel::Error);
+        let file = runtime_dir.join(CONFIG_FILE);
+        let path = FilePath::new(file.as_os_str().as_encoded_bytes()).map_err(|e| failed(file.display(), e))?;
+        // The global configuration: a prefix on the node builder alone leaves dead nodes behind.
+        let config = Config::setup_global_config_from_file(&path).map_err(|e| failed(file.display(), e))?;
+        let node = NodeBuilder::new()
+            .name(&name.try_into().map_err(|e| failed(name, e))?)
+            .config(config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|e| failed("shared memory", e))?;
+        Ok(Self { node })
+    }
+
+    /// Launch: frees what dead workers left. Failures are for the next call.
+    pub fn clean_up_after_the_dead(&self) {
+        let _ = self.node.try_cleanup_dead_nodes();
+    }
+
+    /// Launch: creates every service and holds them.
+    pub fn create_services(&self) -> Result<HeldServices, TransportError> {
+        use hilare_interfaces::messages as m;
+        use hilare_interfaces::wires as w;
+        Ok(HeldServices {
+            _single: (
+                self.create::<m::Answer>(&w::ANSWER)?,
+                self.create::<m::Reference>(&w::REFERENCE)?,
+                self.create::<m::Command>(&w::COMMAND)?,
+                self.create::<m::Authority>(&w::AUTHORITY)?,
+                self.create::<m::Steps>(&w::STEPS)?,
+                self.create::<m::Pose>(&w::POSE)?,
+                self.create::<m::Truth>(&w::TRUTH)?,
+                self.create::<m::Health>(&w::HEALTH)?,
+            ),
+            _slices: (
+                self.create_slice::<m::GoalHeader, m::Waypoint>(&w::GOAL)?,
+                self.create_slice::<m::PathHeader, m::Waypoint>(&w::PATH)?,
+            ),
+        })
+    }
+
+    fn service_name(wire: &Wire) -> Result<ServiceName, TransportError> {
+        let name = format!("hilare/{}", wire.name);
+        name.as_str().try_into().map_err(|e| failed(name.clone(), e))
+    }
+
+    fn create<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Service<T>, TransportError> {
+        debug_assert_eq!(wire.message, T::NAME);
+        self.node
+            .service_builder(&Self::service_name(wire)?)
+            .publish_subscribe::<OnWire<T>>()
+            .enable_safe_overflow(true)
+            .subscriber_max_buffer_size(wire.buffer)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(wire.history)
+            .max_publishers(max_publishers(wire))
+            .max_subscribers(max_subscribers(wire))
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&layout_attribute(wire)?)
+            .map_err(|cause| create_failed(wire, cause))
+    }
+
+    fn create_slice<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug>(
+        &self,
+        wire: &Wire,
+    ) -> Result<SliceService<H, T>, TransportError> {
+        debug_assert_eq!((wire.message, wire.element), (H::NAME, Some(T::NAME)));
+        self.node
+            .service_builder(&Self::service_name(wire)?)
+            .publish_subscribe::<[OnWire<T>]>()
+            .user_header::<OnWire<H>>()
+            .enable_safe_overflow(true)
+            .subscriber_max_buffer_size(wire.buffer)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(wire.history)
+            .max_publishers(max_publishers(wire))
+            .max_subscribers(max_subscribers(wire))
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&layout_attribute(wire)?)
+            .map_err(|cause| create_failed(wire, cause))
+    }
+
+    fn open<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Service<T>, TransportError> {
+        self.node
+            .service_builder(&Self::service_name(wire)?)
+            .publish_subscribe::<OnWire<T>>()
+            .open_with_attributes(&layout_requirement(wire)?)
+            .map_err(|cause| open_failed(wire, cause))
+    }
+
+    fn open_slice<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug>(
+        &self,
+        wire: &Wire,
+    ) -> Result<SliceService<H, T>, TransportError> {
+        self.node
+            .service_builder(&Self::service_name(wire)?)
+            .publish_subscribe::<[OnWire<T>]>()
+            .user_header::<OnWire<H>>()
+            .open_with_attributes(&layout_requirement(wire)?)
+            .map_err(|cause| open_failed(wire, cause))
+    }
+
+    /// The writing end of a wire.
+    pub fn output<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Output<T>, TransportError> {
+        let publisher = self.open::<T>(wire)?.publisher_builder().create();
+        Ok(Output { publisher: publisher.map_err(|e| failed(wire.name, e))? })
+    }
+
+    /// The reading end of a wire.
+    pub fn input<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Input<T>, TransportError> {
+        self.input_of(wire, wire.buffer)
+    }
+
+    /// A reading end that only wants the newest message.
+    pub fn newest<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Input<T>, TransportError> {
+        self.input_of(wire, 1)
+    }
+
+    fn input_of<T: WireMessage + fmt::Debug>(
+        &self,
+        wire: &Wire,
+        buffer: usize,
+    ) -> Result<Input<T>, TransportError> {
+        let subscriber = self.open::<T>(wire)?.subscriber_builder().buffer_size(buffer).create();
+        Ok(Input { subscriber: subscriber.map_err(|e| failed(wire.name, e))? })
+    }
+
+    /// The writing end of a wire with waypoints.
+    pub fn slice_output<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug>(
+        &self,
+        wire: &Wire,
+    ) -> Result<SliceOutput<H, T>, TransportError> {
+        // Long paths are rare: begin small and grow, rather than hold room for the longest.
+        let publisher = self
+            .open_slice::<H, T>(wire)?
+            .publisher_builder()
+            .initial_max_slice_len(64)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .create();
+        Ok(SliceOutput { publisher: publisher.map_err(|e| failed(wire.name, e))? })
+    }
+
+    /// The reading end of a wire with waypoints.
+    pub fn slice_input<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug>(
+        &self,
+        wire: &Wire,
+    ) -> Result<SliceInput<H, T>, TransportError> {
+        let subscriber = self.open_slice::<H, T>(wire)?.subscriber_builder().create();
+        Ok(SliceInput { subscriber: subscriber.map_err(|e| failed(wire.name, e))? })
+    }
+}
+
+fn max_publishers(wire: &Wire) -> usize {
+    // One a writer, and as many again for successors of those that died unannounced.
+    2 * wire.from.len() + 2
+}
+
+fn max_subscribers(wire: &Wire) -> usize {
+    wire.to.len() + 2
+}
+
+const LAYOUT: &str = "layout";
+
+fn layout_value(wire: &Wire) -> String {
+    format!("{:016x} {}", wire.layout_hash, env!("CARGO_PKG_VERSION"))
+}
+
+fn layout_attribute(wire: &Wire) -> Result<AttributeSpecifier, TransportError> {
+    let key: AttributeKey = LAYOUT.try_into().map_err(|e| failed(LAYOUT, e))?;
+    let value: AttributeValue = layout_value(wire).as_str().try_into().map_err(|e| failed(LAYOUT, e))?;
+    AttributeSpecifier::new().define(&key, &value).map_err(|e| failed(LAYOUT, e))
+}
+
+fn layout_requirement(wire: &Wire) -> Result<AttributeVerifier, TransportError> {
+    let key: AttributeKey = LAYOUT.try_into().map_err(|e| failed(LAYOUT, e))?;
+    let value: AttributeValue = layout_value(wire).as_str().try_into().map_err(|e| failed(LAYOUT, e))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|e| failed(LAYOUT, e))
+}
+
+fn create_failed(wire: &Wire, cause: PublishSubscribeCreateError) -> TransportError {
+    TransportError(format!(
+        "wire {}: cannot create it ({cause:?}); is /dev/shm full or too small? (hilare doctor)",
+        wire.name
+    ))
+}
+
+fn open_failed(wire: &Wire, cause: PublishSubscribeOpenError) -> TransportError {
+    match cause {
+        PublishSubscribeOpenError::IncompatibleAttributes
+        | PublishSubscribeOpenError::IncompatibleTypes
+        | PublishSubscribeOpenError::VersionMismatch => TransportError(format!(
+            "wire {}: this program speaks {} with layout {}, launch another one; use the same build for both",
+            wire.name,
+            wire.message,
+            layout_value(wire)
+        )),
+        PublishSubscribeOpenError::DoesNotExist => TransportError(format!(
+            "wire {}: no such service; launch creates it: is the robot up? (hilare status)",
+            wire.name
+        )),
+        other => failed(format!("wire {}", wire.name), other),
+    }
+}
+
+type Service<T> = PubSub<Ipc, OnWire<T>, ()>;
+type SliceService<H, T> = PubSub<Ipc, [OnWire<T>], OnWire<H>>;
+
+/// Every service of the domain, alive as long as this is.
+pub struct HeldServices {
+    _single: (
+        Service<hilare_interfaces::messages::Answer>,
+        Service<hilare_interfaces::messages::Reference>,
+        Service<hilare_interfaces::messages::Command>,
+        Service<hilare_interfaces::messages::Authority>,
+        Service<hilare_interfaces::messages::Steps>,
+        Service<hilare_interfaces::messages::Pose>,
+        Service<hilare_interfaces::messages::Truth>,
+        Service<hilare_interfaces::messages::Health>,
+    ),
+    _slices: (
+        SliceService<hilare_interfaces::messages::GoalHeader, hilare_interfaces::messages::Waypoint>,
+        SliceService<hilare_interfaces::messages::PathHeader, hilare_interfaces::messages::Waypoint>,
+    ),
+}
+
+/// Services held; the table has as many wires.
+pub const HELD: usize = 10;
+const _: () = assert!(HELD == WIRES.len(), "a wire of the table has no service");
+
+/// The writing end of a wire.
+pub struct Output<T: WireMessage + fmt::Debug> {
+    publisher: Publisher<Ipc, OnWire<T>, ()>,
+}
+
+impl<T: WireMessage + fmt::Debug> Output<T> {
+    /// Publishes a message; never blocks, a slow reader loses its oldest. False if it could not be
+    /// sent.
+    pub fn send(&self, message: &T) -> bool {
+        let Ok(sample) = self.publisher.loan_uninit() else { return false };
+        sample.write_payload(OnWire(*message)).send().is_ok()
+    }
+
+    /// Connects to the readers there are, so that the first message does not have to.
+    pub fn connect(&self) {
+        let _ = self.publisher.update_connections();
+    }
+}
+
+/// The reading end of a wire.
+pub struct Input<T: WireMessage + fmt::Debug> {
+    subscriber: Subscriber<Ipc, OnWire<T>, ()>,
+}
+
+impl<T: WireMessage + fmt::Debug> Input<T> {
+    /// The oldest message not yet read.
+    pub fn next(&self) -> Option<T> {
+        self.subscriber.receive().ok().flatten().map(|sample| sample.payload().0)
+    }
+
+    /// The newest message, passing over the others.
+    pub fn last(&self) -> Option<T> {
+        std::iter::from_fn(|| self.next()).last()
+    }
+
+    /// Connects to the writers there are.
+    pub fn connect(&self) {
+        let _ = self.subscriber.update_connections();
+    }
+}
+
+/// The writing end of a wire with waypoints.
+pub struct SliceOutput<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> {
+    publisher: Publisher<Ipc, [OnWire<T>], OnWire<H>>,
+}
+
+impl<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> SliceOutput<H, T> {
+    /// Publishes header and elements. False if it could not be sent.
+    pub fn send(&self, header: &H, elements: impl ExactSizeIterator<Item = T>) -> bool {
+        let Ok(mut sample) = self.publisher.loan_slice_uninit(elements.len()) else { return false };
+        *sample.user_header_mut() = OnWire(*header);
+        let mut elements = elements;
+        sample.write_from_fn(|_| OnWire(elements.next().unwrap_or(T::ZERO))).send().is_ok()
+    }
+
+    /// Connects to the readers there are; those that came late get the history.
+    pub fn connect(&self) {
+        let _ = self.publisher.update_connections();
+    }
+}
+
+/// The reading end of a wire with waypoints.
+pub struct SliceInput<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> {
+    subscriber: Subscriber<Ipc, [OnWire<T>], OnWire<H>>,
+}
+
+impl<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> SliceInput<H, T> {
+    /// Gives the oldest message not yet read to `read`, in place.
+    pub fn next<R>(&self, read: impl FnOnce(&H, &[T]) -> R) -> Option<R> {
+        let sample = self.subscriber.receive().ok().flatten()?;
+        let elements = sample.payload();
+        // SAFETY: OnWire<T> is repr(transparent) over T, so the slices have the same layout.
+        let elements = unsafe { std::slice::from_raw_parts(elements.as_ptr().cast::<T>(), elements.len()) };
+        Some(read(&sample.user_header().0, elements))
+    }
+
+    /// Connects to the writers there are.
+    pub fn connect(&self) {
+        let _ = self.subscriber.update_connections();
+    }
+}
