@@ -128,7 +128,8 @@ impl Chassis {
         match self {
             Self::Differential(p) => {
                 // [MH18] (17)–(22): |v|/a + |ω| w_T/(2a), a the top linear speed.
-                let a = p.wheel_diameter_m / 4.0 * (p.wheel_speed_max_right_radps + p.wheel_speed_max_left_radps);
+                let a =
+                    p.wheel_diameter_m / 4.0 * (p.wheel_speed_max_right_radps + p.wheel_speed_max_left_radps);
                 twist.vx_mps.abs() / a + twist.omega_radps.abs() * p.track_m / (2.0 * a)
             }
             Self::Mecanum(p) => {

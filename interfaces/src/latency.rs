@@ -74,12 +74,7 @@ impl LatencyHistogram {
     /// p50, p99, p99.9 and max.
     pub fn quantiles(&self) -> Quantiles {
         let us = |fraction| self.quantile_ns(fraction) as f64 / 1e3;
-        Quantiles {
-            p50_us: us(0.5),
-            p99_us: us(0.99),
-            p99_9_us: us(0.999),
-            max_us: self.max_ns as f64 / 1e3,
-        }
+        Quantiles { p50_us: us(0.5), p99_us: us(0.99), p99_9_us: us(0.999), max_us: self.max_ns as f64 / 1e3 }
     }
 }
 

@@ -60,7 +60,9 @@ impl fmt::Display for ParamError {
             Self::NotFinite => write!(f, "must be a finite number"),
             Self::NotInteger => write!(f, "must be a whole number"),
             Self::OutOfBounds { value, spec } => {
-                write!(f, "{value} {u} is outside {min} to {max} {u}", u = spec.unit, min = spec.min, max = spec.max)?;
+                let unit = if spec.unit.is_empty() { "" } else { " " };
+                let unit = format_args!("{unit}{}", spec.unit);
+                write!(f, "{value}{unit} is outside {} to {}{unit}", spec.min, spec.max)?;
                 // A value a thousandfold too large is nearly always millimetres in a metre key.
                 let thousandth = value / 1e3;
                 if spec.unit.starts_with('m') && (spec.min..=spec.max).contains(&thousandth) {

@@ -298,12 +298,13 @@ pub fn start_order() -> [Role; Role::WORKERS.len()] {
                 .iter()
                 .filter(|wire| wire.written_by(role))
                 .flat_map(|wire| wire.to)
-                .filter(|reader| reader.wakes && reader.role != Role::Launch && !started.contains(&reader.role))
+                .filter(|reader| {
+                    reader.wakes && reader.role != Role::Launch && !started.contains(&reader.role)
+                })
                 .count()
         };
         let clock = |role: Role| usize::from(role == Role::StepGenerator);
-        let next =
-            (0..left.len()).min_by_key(|i| (clock(left[*i]), waiting(left[*i]), *i)).unwrap_or(0);
+        let next = (0..left.len()).min_by_key(|i| (clock(left[*i]), waiting(left[*i]), *i)).unwrap_or(0);
         left[..=next].rotate_right(1);
     }
     order

@@ -53,7 +53,8 @@ fn rate(wire: &Wire) -> String {
 pub fn text() -> String {
     let mut text = String::new();
     for role in std::iter::once(Role::Launch).chain(Role::WORKERS) {
-        let out: Vec<_> = WIRES.iter().filter(|wire| wire.written_by(role) && wire.name != "health").collect();
+        let out: Vec<_> =
+            WIRES.iter().filter(|wire| wire.written_by(role) && wire.name != "health").collect();
         let label = format!("[{}]", role.name());
         if out.is_empty() {
             text.push_str(&format!("{label}\n"));

@@ -34,15 +34,28 @@ struct Finding {
     cure: String,
 }
 
-fn finding(check: &'static str, verdict: Verdict, found: impl Into<String>, cure: impl Into<String>) -> Finding {
+fn finding(
+    check: &'static str,
+    verdict: Verdict,
+    found: impl Into<String>,
+    cure: impl Into<String>,
+) -> Finding {
     let cure = if verdict == Verdict::Good { String::new() } else { cure.into() };
     Finding { check, verdict, found: found.into(), cure }
 }
 
 /// Runs every check.
 pub fn doctor(args: &DoctorArgs) -> VerbResult {
-    let findings =
-        [realtime_priority(), memory_lock(), throttling(), shared_memory(), cores(), runtime_dir(), leftovers(), robots()];
+    let findings = [
+        realtime_priority(),
+        memory_lock(),
+        throttling(),
+        shared_memory(),
+        cores(),
+        runtime_dir(),
+        leftovers(),
+        robots(),
+    ];
     if args.json {
         print(&format!("{}\n", serde_json::to_string_pretty(&findings).unwrap_or_default()));
     } else {
@@ -84,7 +97,9 @@ fn memory_lock() -> Finding {
     match limit {
         _ if root => finding("memlock", Verdict::Good, "root may lock all memory", ""),
         None => finding("memlock", Verdict::Good, "unlimited", ""),
-        Some(bytes) if bytes >= 64 << 20 => finding("memlock", Verdict::Good, format!("{} MB", bytes >> 20), ""),
+        Some(bytes) if bytes >= 64 << 20 => {
+            finding("memlock", Verdict::Good, format!("{} MB", bytes >> 20), "")
+        }
         Some(bytes) => finding(
             "memlock",
             Verdict::Warning,
@@ -104,7 +119,12 @@ fn throttling() -> Finding {
             "sysctl kernel.sched_rt_runtime_us=950000",
         ),
         Ok(us) => finding("rt throttling", Verdict::Good, format!("{us} us a second for real-time work"), ""),
-        Err(_) => finding("rt throttling", Verdict::Warning, "unknown: /proc/sys/kernel is not readable", "mount /proc"),
+        Err(_) => finding(
+            "rt throttling",
+            Verdict::Warning,
+            "unknown: /proc/sys/kernel is not readable",
+            "mount /proc",
+        ),
     }
 }
 
@@ -114,7 +134,12 @@ fn shared_memory() -> Finding {
             let free = stat.f_bavail * stat.f_frsize;
             let verdict = if free < SHM_NEEDED { Verdict::Bad } else { Verdict::Good };
             let cure = "mount -o remount,size=64M /dev/shm, or free some (docker: --shm-size=64m)";
-            finding("/dev/shm", verdict, format!("{} MB free, a robot needs {}", free >> 20, SHM_NEEDED >> 20), cure)
+            finding(
+                "/dev/shm",
+                verdict,
+                format!("{} MB free, a robot needs {}", free >> 20, SHM_NEEDED >> 20),
+                cure,
+            )
         }
         Err(error) => finding("/dev/shm", Verdict::Bad, error.to_string(), "mount -t tmpfs tmpfs /dev/shm"),
     }
@@ -123,13 +148,20 @@ fn shared_memory() -> Finding {
 fn cores() -> Finding {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let verdict = if cores < 2 { Verdict::Warning } else { Verdict::Good };
-    finding("cores", verdict, format!("{cores} usable"), "give the robot two: one for the control path, one for the rest")
+    finding(
+        "cores",
+        verdict,
+        format!("{cores} usable"),
+        "give the robot two: one for the control path, one for the rest",
+    )
 }
 
 fn runtime_dir() -> Finding {
     let base = base_dir();
     let probe = base.join(".doctor");
-    let writable = fs::create_dir_all(&base).and_then(|()| fs::write(&probe, b"")).and_then(|()| fs::remove_file(&probe));
+    let writable = fs::create_dir_all(&base)
+        .and_then(|()| fs::write(&probe, b""))
+        .and_then(|()| fs::remove_file(&probe));
     match writable {
         Ok(()) => finding("runtime dir", Verdict::Good, base.display().to_string(), ""),
         Err(error) => finding(
@@ -151,7 +183,9 @@ fn leftovers() -> Finding {
         .flatten()
         .filter_map(|entry| entry.file_name().into_string().ok())
         .filter(|name| name.starts_with("hilare_"))
-        .filter(|name| !living.iter().any(|(robot, _)| name.starts_with(&crate::shell::transport::shm_prefix(robot))))
+        .filter(|name| {
+            !living.iter().any(|(robot, _)| name.starts_with(&crate::shell::transport::shm_prefix(robot)))
+        })
         .count();
     let verdict = if dead == 0 { Verdict::Good } else { Verdict::Warning };
     finding(

@@ -28,7 +28,9 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     /// Run the standard job in real time and print a verdict (what `hilare` alone does)
-    #[command(after_help = "Example: hilare demo\nExit codes: 0 done, 1 fault during the run, 2 wrong use or bad input.")]
+    #[command(
+        after_help = "Example: hilare demo\nExit codes: 0 done, 1 fault during the run, 2 wrong use or bad input."
+    )]
     Demo(run::DemoArgs),
     /// Run a scenario to its end and report
     #[command(after_help = "Examples:\n  hilare run rectangle\n  hilare run so --clock lockstep --json\n  \
@@ -36,14 +38,20 @@ enum Verb {
         Exit codes: 0 arrived, 1 fault or not arrived, 2 wrong use or bad input.")]
     Run(run::RunArgs),
     /// Bring a robot up and keep it up
-    #[command(after_help = "Examples:\n  hilare up epuck --detach && hilare arm && hilare follow path.csv\n  \
-        hilare up my_robot.toml\nExit codes: 0 ended by hilare down or Ctrl-C, 1 fault, 2 wrong use or bad input.")]
+    #[command(
+        after_help = "Examples:\n  hilare up epuck --detach && hilare arm && hilare follow path.csv\n  \
+        hilare up my_robot.toml\nExit codes: 0 ended by hilare down or Ctrl-C, 1 fault, 2 wrong use or bad input."
+    )]
     Up(up::UpArgs),
     /// Stop the robot and end its processes
-    #[command(after_help = "Example: hilare down --robot epuck\nExit codes: 0 done, 1 it did not end, 2 no such robot.")]
+    #[command(
+        after_help = "Example: hilare down --robot epuck\nExit codes: 0 done, 1 it did not end, 2 no such robot."
+    )]
     Down(operate::RobotArgs),
     /// Show the robot and its processes
-    #[command(after_help = "Example: hilare status --json\nExit codes: 0 shown, 1 the robot has a fault, 2 no such robot.")]
+    #[command(
+        after_help = "Example: hilare status --json\nExit codes: 0 shown, 1 the robot has a fault, 2 no such robot."
+    )]
     Status(operate::RobotArgs),
     /// Ramp to a stop and stay until armed
     #[command(after_help = "Example: hilare stop\nExit codes: 0 done, 1 refused, 2 no such robot.")]
@@ -52,25 +60,35 @@ enum Verb {
     #[command(after_help = "Example: hilare estop\nExit codes: 0 done, 1 refused, 2 no such robot.")]
     Estop(operate::RobotArgs),
     /// Release the emergency stop; the robot stays disarmed
-    #[command(after_help = "Example: hilare reset && hilare arm\nExit codes: 0 done, 1 refused, 2 no such robot.")]
+    #[command(
+        after_help = "Example: hilare reset && hilare arm\nExit codes: 0 done, 1 refused, 2 no such robot."
+    )]
     Reset(operate::RobotArgs),
     /// Let commands act
     #[command(after_help = "Example: hilare arm\nExit codes: 0 done, 1 refused, 2 no such robot.")]
     Arm(operate::RobotArgs),
     /// Follow the waypoints of a CSV file (header x,y, metres)
-    #[command(after_help = "Example: hilare follow path.csv\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot.")]
+    #[command(
+        after_help = "Example: hilare follow path.csv\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot."
+    )]
     Follow(operate::FollowArgs),
     /// Drive straight to a point (metres, world frame)
-    #[command(after_help = "Example: hilare goal 0.6 0.5\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot.")]
+    #[command(
+        after_help = "Example: hilare goal 0.6 0.5\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot."
+    )]
     Goal(operate::GoalArgs),
     /// Print the block diagram the wires are built from
     #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
     Diagram(diagram::DiagramArgs),
     /// Check what this machine allows, each finding with its cure
-    #[command(after_help = "Example: hilare doctor\nExit codes: 0 nothing stands in the way, 1 something does, 2 wrong use.")]
+    #[command(
+        after_help = "Example: hilare doctor\nExit codes: 0 nothing stands in the way, 1 something does, 2 wrong use."
+    )]
     Doctor(doctor::DoctorArgs),
     /// Print a completion script for a shell
-    #[command(after_help = "Example: hilare completions bash > ~/.local/share/bash-completion/completions/hilare")]
+    #[command(
+        after_help = "Example: hilare completions bash > ~/.local/share/bash-completion/completions/hilare"
+    )]
     Completions {
         /// bash, zsh, fish, elvish or powershell
         shell: clap_complete::Shell,
@@ -82,7 +100,10 @@ enum Verb {
 
 /// Parses the command line, runs the verb, answers with its exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
     let result = match cli.verb {
         None => run::demo(&run::DemoArgs::default()),
         Some(Verb::Demo(args)) => run::demo(&args),
@@ -112,6 +133,22 @@ pub fn main() -> ExitCode {
         let _ = writeln!(io::stderr(), "hilare: {message}");
         ExitCode::from(code)
     })
+}
+
+/// Help as it is; a mistake as one line, like every other mistake.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        print(&error.render().to_string());
+        return ExitCode::SUCCESS;
+    }
+    let text = error.render().to_string();
+    let paragraph: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+    let what = paragraph.join(" ");
+    let what = what.strip_prefix("error: ").unwrap_or(&what);
+    let verb = std::env::args().nth(1).filter(|word| Cli::command().find_subcommand(word).is_some());
+    let help = verb.map_or_else(|| "hilare --help".to_owned(), |verb| format!("hilare {verb} --help"));
+    let _ = writeln!(io::stderr(), "hilare: {what}; see {help}");
+    ExitCode::from(2)
 }
 
 /// What a verb comes to.

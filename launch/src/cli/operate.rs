@@ -52,11 +52,15 @@ fn choose(robot: Option<&String>) -> Result<String, Failure> {
     let names = || living.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     match (robot, &living[..]) {
         (Some(robot), _) if living.iter().any(|(name, _)| name == robot) => Ok(robot.clone()),
-        (Some(robot), []) => Err(refused(format!("robot {robot:?} is not up; hilare up SYSTEM --robot {robot}"))),
+        (Some(robot), []) => {
+            Err(refused(format!("robot {robot:?} is not up; hilare up SYSTEM --robot {robot}")))
+        }
         (Some(robot), _) => Err(refused(format!("robot {robot:?} is not up; up are: {}", names()))),
         (None, [(only, _)]) => Ok(only.clone()),
         (None, []) => Err(refused("no robot is up; hilare up SYSTEM")),
-        (None, _) => Err(refused(format!("several robots are up ({}); say which with --robot NAME", names()))),
+        (None, _) => {
+            Err(refused(format!("several robots are up ({}); say which with --robot NAME", names())))
+        }
     }
 }
 
@@ -87,9 +91,9 @@ pub fn order(args: &RobotArgs, request: &Request) -> VerbResult {
 /// `hilare status`.
 pub fn status(args: &RobotArgs) -> VerbResult {
     let robot = choose(args.robot.as_ref())?;
-    let status: Status = send(&robot, &Request::Status)?
-        .status
-        .ok_or_else(|| Failure::Fault("launch answered without a status; another version of hilare?".to_owned()))?;
+    let status: Status = send(&robot, &Request::Status)?.status.ok_or_else(|| {
+        Failure::Fault("launch answered without a status; another version of hilare?".to_owned())
+    })?;
     if args.json {
         print(&format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default()));
     } else {

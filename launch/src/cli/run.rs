@@ -10,7 +10,6 @@ use crate::shell::in_process::InProcess;
 use crate::shell::observer::Handover;
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
-use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::messages::{Mode, Steps};
 use hilare_recorder::trace::TraceRow;
@@ -128,21 +127,23 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
     set.extend(args.controller.iter().map(|law| format!("controller.law={law}")));
     set.extend(args.seed.iter().map(|seed| format!("plant.seed={seed}")));
     set.extend(args.robot.iter().map(|robot| format!("robot={robot}")));
-    scenario.system.set_all(&set).map_err(refused)?;
     if let Some(start) = &args.start {
-        scenario.system.start = parse_start(start)?;
+        set.extend(start_keys(start)?);
     }
+    scenario.system.set_all(&set).map_err(refused)?;
     Ok(scenario)
 }
 
-fn parse_start(text: &str) -> Result<WorldPose, Failure> {
-    let wrong = || refused(format!("--start {text}: three finite numbers are wanted, X,Y,THETA in metres and radians"));
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
-    match numbers.map_err(|_| wrong())?[..] {
-        [x_m, y_m, theta_rad] if [x_m, y_m, theta_rad].iter().all(|n| n.is_finite() && n.abs() <= 1e5) => {
-            Ok(WorldPose::new(x_m, y_m, theta_rad))
+/// `X,Y,THETA` as assignments to the system's start pose, whose bounds then apply.
+fn start_keys(text: &str) -> Result<[String; 3], Failure> {
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    match parts[..] {
+        [x, y, theta] => {
+            Ok([format!("start.x_m={x}"), format!("start.y_m={y}"), format!("start.theta_rad={theta}")])
         }
-        _ => Err(wrong()),
+        _ => {
+            Err(refused(format!("--start {text}: three numbers are wanted, X,Y,THETA in metres and radians")))
+        }
     }
 }
 
@@ -159,7 +160,8 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
                 .unwrap_or_else(|| Path::new("runs").join(stem))
         }
     };
-    let failed = |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
+    let failed =
+        |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
     fs::create_dir_all(&dir).map_err(failed)?;
     let probe = dir.join(".hilare-probe");
     fs::write(&probe, b"").and_then(|()| fs::remove_file(&probe)).map_err(failed)?;
@@ -191,7 +193,12 @@ fn run_in_process(scenario: &Scenario, max_ticks: Tick) -> Result<End, Failure> 
     })
 }
 
-fn run_processes(args: &RunArgs, scenario: &Scenario, max_ticks: Tick, log: &LogSink) -> Result<End, Failure> {
+fn run_processes(
+    args: &RunArgs,
+    scenario: &Scenario,
+    max_ticks: Tick,
+    log: &LogSink,
+) -> Result<End, Failure> {
     let job = Job {
         system: scenario.system.clone(),
         clock: args.clock,
@@ -243,7 +250,10 @@ fn progress_bar(args: &RunArgs, scenario: &Scenario) -> ProgressBar {
     if args.json || !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(Some(scenario.waypoints.len() as u64 - 1), ProgressDrawTarget::stderr());
+    let bar = ProgressBar::with_draw_target(
+        Some(scenario.waypoints.len() as u64 - 1),
+        ProgressDrawTarget::stderr(),
+    );
     let style = ProgressStyle::with_template("{prefix} [{bar:30}] waypoint {pos}/{len}  {msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
     bar.set_prefix(format!("{} ({})", scenario.name, args.clock));
@@ -255,12 +265,13 @@ fn show(bar: &ProgressBar, manager: &Manager) {
         return;
     }
     let newest = manager.newest();
+    let Some(pose) = newest.pose else { return };
     bar.set_position(newest.reference.index.saturating_sub(1));
     bar.set_message(format!(
         "{:.1} s  x {:.0} mm  y {:.0} mm  {:.1} mm/s",
         newest.steps.tick as f64 / TICKS_PER_SECOND as f64,
-        newest.pose.x_m * 1e3,
-        newest.pose.y_m * 1e3,
+        pose.x_m * 1e3,
+        pose.y_m * 1e3,
         newest.steps.commanded_twist().speed_mps() * 1e3
     ));
 }
@@ -302,7 +313,10 @@ fn report(args: &RunArgs, scenario: &Scenario, out: &Path, end: End) -> VerbResu
         print(&format!("Report: {}\n", out.display()));
     }
     if handover.gaps > 0 {
-        return Err(Failure::Fault(format!("{} ticks were lost to the recorder; the figures lack them", handover.gaps)));
+        return Err(Failure::Fault(format!(
+            "{} ticks were lost to the recorder; the figures lack them",
+            handover.gaps
+        )));
     }
     let arrived = summary.reached && !end.fault;
     Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })

@@ -37,9 +37,9 @@ pub struct ServiceArgs {
 
 /// Hosts one box until the end.
 pub fn service(args: &ServiceArgs) -> VerbResult {
-    let role = Role::from_name(&args.role)
-        .filter(|role| *role != Role::Launch)
-        .ok_or_else(|| refused(format!("there is no service {:?}; services are started by hilare up or run", args.role)))?;
+    let role = Role::from_name(&args.role).filter(|role| *role != Role::Launch).ok_or_else(|| {
+        refused(format!("there is no service {:?}; services are started by hilare up or run", args.role))
+    })?;
     logging::init_worker(role.name());
     let assignment = Assignment {
         role,

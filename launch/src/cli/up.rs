@@ -80,7 +80,11 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
     let fault = |e: std::io::Error| Failure::Fault(format!("cannot start launch: {e}"));
     let mut command = Command::new(std::env::current_exe().map_err(fault)?);
     command.arg("up").arg(&args.system);
-    for (flag, values) in [("--set", &args.set[..]), ("--robot", args.robot.as_slice()), ("--controller", args.controller.as_slice())] {
+    for (flag, values) in [
+        ("--set", &args.set[..]),
+        ("--robot", args.robot.as_slice()),
+        ("--controller", args.controller.as_slice()),
+    ] {
         for value in values {
             command.arg(format!("{flag}={value}"));
         }
@@ -103,16 +107,16 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         }
         // Another launch may hold the name: then the child ends by itself and says so.
         let answer = ask(&socket_path(robot), &Request::Status).ok().and_then(|answer| answer.status);
-        if let Some(status) = answer.filter(|status| status.launch_pid == child.id()) {
-            if status.processes.iter().all(|process| process.state != "starting") {
-                let text = if args.json {
-                    format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
-                } else {
-                    format!("{robot} is up, launch has pid {}; next: hilare arm, hilare follow FILE.csv\n", child.id())
-                };
-                print(&text);
-                return Ok(ExitCode::SUCCESS);
-            }
+        let ours = answer.filter(|status| status.launch_pid == child.id());
+        if let Some(status) = ours.filter(|status| status.processes.iter().all(|p| p.state != "starting")) {
+            let text = if args.json {
+                format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
+            } else {
+                let next = "next: hilare arm, hilare follow FILE.csv";
+                format!("{robot} is up, launch has pid {}; {next}\n", child.id())
+            };
+            print(&text);
+            return Ok(ExitCode::SUCCESS);
         }
         if Instant::now() > deadline {
             let _ = child.kill();
@@ -125,7 +129,8 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
 /// The last line the child wrote, which says why.
 fn why_it_ended(child: &mut std::process::Child) -> Failure {
     let code = child.wait().ok().and_then(|status| status.code());
-    let last = child.stderr.take().and_then(|errors| BufReader::new(errors).lines().map_while(Result::ok).last());
+    let last =
+        child.stderr.take().and_then(|errors| BufReader::new(errors).lines().map_while(Result::ok).last());
     let why = last.map_or_else(|| "launch ended at once".to_owned(), |line| line.replacen("hilare: ", "", 1));
     if code == Some(2) { Failure::Refused(why) } else { Failure::Fault(why) }
 }

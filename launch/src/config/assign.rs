@@ -133,13 +133,13 @@ pub(super) fn check_number(spec: &'static ParamSpec, value: &Value<'_>) -> Resul
         (_, Value::Number(number)) => *number,
         (_, Value::Word(word)) => match word.parse() {
             Ok(number) => number,
-            Err(_) => return Err(format!("{} is not a number; write {}", quoted(word), range(spec))),
+            Err(_) => return Err(format!("{} is not a number ({})", quoted(word), range(spec))),
         },
         (_, Value::Text(text)) => {
             return Err(format!("{} is text; write a number without quotes, {}", quoted(text), range(spec)));
         }
         (_, Value::Switch(_) | Value::Section | Value::Other(_)) => {
-            return Err(format!("{} is not a number; write {}", value.describe(), range(spec)));
+            return Err(format!("{} is not a number ({})", value.describe(), range(spec)));
         }
     };
     spec.check(number).map_err(|error| refusal(spec, error))

@@ -81,7 +81,8 @@ fn plant_for_chassis(system: &System) -> Option<Conflict> {
 fn steps_a_tick(system: &System) -> Option<Conflict> {
     let fastest_radps = system.chassis.wheel_speed_max_radps().into_iter().fold(0.0, f64::max);
     let step_rad = system.step_rad();
-    if fastest_radps * TICK_S <= step_rad {
+    // Exactly one step a tick is fine, whatever the last bit of the division says.
+    if fastest_radps * TICK_S <= step_rad * (1.0 + 1e-9) {
         return None;
     }
     // Rounded down, so that the advice holds.
@@ -109,5 +110,22 @@ fn wheel_speed_key(system: &System, fastest_radps: f64) -> &'static str {
         }
         Chassis::Differential(_) => "wheel_speed_max_left_radps",
         Chassis::Mecanum(_) => "wheel_speed_max_radps",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::chassis::MecanumParams;
+
+    #[test]
+    fn a_chassis_without_a_simulated_robot_is_refused() {
+        let chassis = Chassis::Mecanum(MecanumParams::default());
+        let conflict = plant_for_chassis(&System { chassis, ..System::default() }).unwrap();
+        assert_eq!(
+            conflict.what,
+            "there is no simulated robot for chassis.kind \"mecanum\"; choose differential"
+        );
+        assert!(conflict.involves("chassis", "kind") && !conflict.involves("limits", "v_max_mps"));
     }
 }

@@ -193,4 +193,6 @@ fn find_built_in(
 }
 
 #[cfg(test)]
+mod property_tests;
+#[cfg(test)]
 mod tests;

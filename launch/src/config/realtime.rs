@@ -6,7 +6,7 @@ use hilare_interfaces::wires::Role;
 /// CPU and real-time priority of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Realtime {
-    /// CPU number; −1 the last one of the machine, −2 not pinned. [`Self::pinned_to`] reads it.
+    /// CPU number; −1 the last one of the machine, −2 not pinned.
     pub cpu: i64,
     /// SCHED_FIFO priority; 0 is not real-time.
     pub priority: u64,
@@ -80,14 +80,5 @@ impl Realtime {
     /// What a role has when its section is absent.
     pub const fn default_of(role: Role) -> Self {
         defaults(role)
-    }
-
-    /// The CPU to pin to on a machine with `cpus` CPUs, or `None` to leave the choice to the kernel. A
-    /// number the machine does not have is returned as it is: pinning to it fails, and says so.
-    pub fn pinned_to(self, cpus: usize) -> Option<usize> {
-        match self.cpu {
-            LAST_CPU => Some(cpus.saturating_sub(1)),
-            number => usize::try_from(number).ok(),
-        }
     }
 }

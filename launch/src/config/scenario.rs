@@ -278,3 +278,6 @@ fn published(file: &Document<'_>, offset: usize, table: &DeTable<'_>) -> Result<
         source.ok_or_else(|| file.error(offset, "published: no source; say where the values come from"))?;
     Ok(row)
 }
+
+#[cfg(test)]
+mod tests;

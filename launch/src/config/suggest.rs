@@ -21,7 +21,7 @@ const SUFFIXES: &[&str] = &[
 ];
 
 /// What a name can be: `; did you mean "…"? label: …`, or only the list.
-pub(super) fn choices<'a>(name: &str, label: &str, known: &[&'a str]) -> String {
+pub(super) fn choices(name: &str, label: &str, known: &[&str]) -> String {
     let list = known.join(", ");
     match nearest(name, known.iter(), |known| known, ALIKE) {
         Some(guess) => format!("; did you mean \"{guess}\"? {label}: {list}"),

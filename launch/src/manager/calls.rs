@@ -1,13 +1,20 @@
 //! What can be asked of a running launch.
 
-use super::*;
+use super::control::{Call, Request, Response};
+use super::status::Status;
+use super::{Manager, Newest, PendingGoal};
+use crossbeam_channel::Sender;
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{
+    Answer, Drive, GoalHeader, GoalKind, Mode, ReferenceState, Waypoint, field_text,
+};
+use hilare_interfaces::wires::{self, Role};
+use std::time::Instant;
 
 impl Manager {
     pub(super) fn answer(&mut self, call: Call) {
         let response = match call.request {
-            Request::Status => {
-                Response { ok: true, message: String::new(), status: Some(self.status()) }
-            }
+            Request::Status => Response { ok: true, message: String::new(), status: Some(self.status()) },
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),
                 Err(why) => Response::refused(why),
@@ -24,7 +31,9 @@ impl Manager {
                 let was = Mode::from_code(self.authority.mode);
                 let _ = self.set_mode(Mode::Disarmed);
                 match was {
-                    Some(Mode::EStop) => Response::done("emergency stop released; the robot is disarmed (hilare arm)"),
+                    Some(Mode::EStop) => {
+                        Response::done("emergency stop released; the robot is disarmed (hilare arm)")
+                    }
                     _ => Response::done("disarmed (hilare arm)"),
                 }
             }
@@ -94,10 +103,12 @@ impl Manager {
             mode: label(self.authority.mode, Mode::from_code).to_owned(),
             drive: Drive::from_code(steps.drive).map_or("unknown", Drive::label).to_owned(),
             tick: steps.tick,
-            path_state: ReferenceState::from_code(reference.state).map_or("unknown", ReferenceState::label).to_owned(),
+            path_state: ReferenceState::from_code(reference.state)
+                .map_or("unknown", ReferenceState::label)
+                .to_owned(),
             waypoint: reference.index,
             waypoints: reference.total,
-            pose: [pose.x_m, pose.y_m, pose.theta_rad],
+            pose: pose.map(|pose| [pose.x_m, pose.y_m, pose.theta_rad]),
             speed_mps: twist.speed_mps(),
             omega_radps: twist.omega_radps,
             commands_late: steps.commands_late,
@@ -110,7 +121,8 @@ impl Manager {
                 .iter()
                 .enumerate()
                 .map(|(slot, member)| {
-                    let in_charge = member.role == Role::Controller && self.authority.source == slot as u64 + 1;
+                    let in_charge =
+                        member.role == Role::Controller && self.authority.source == slot as u64 + 1;
                     member.status(self.page.state(slot), in_charge)
                 })
                 .collect(),

@@ -50,7 +50,7 @@ pub struct Start<'a> {
 /// standard output comes as [`Event::Output`].
 ///
 /// From the thread that calls it: workers die with this thread (PDEATHSIG).
-pub fn start(what: Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
+pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
     let mut child = Command::new(std::env::current_exe()?)
         .arg("service")
         .arg(what.role.name())
@@ -71,7 +71,8 @@ pub fn start(what: Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Resu
         threads().spawn(move || for_each_line(errors, |line| log.worker_line(name, line)))?;
     }
     let output = child.stdout.take();
-    let (events, watched, slot, incarnation) = (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
+    let (events, watched, slot, incarnation) =
+        (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
     threads().spawn(move || {
         if let Some(output) = output {
             for_each_line(output, |line| {

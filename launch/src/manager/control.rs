@@ -91,7 +91,7 @@ pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> i
             }
             let (deliver, place) = (deliver.clone(), places.1.clone());
             let serving = std::thread::Builder::new().stack_size(256 << 10).spawn(move || {
-                let _ = serve(stream, deliver);
+                let _ = serve(&stream, deliver);
                 let _ = place.try_recv();
             });
             if serving.is_err() {
@@ -102,22 +102,25 @@ pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> i
     Ok(())
 }
 
-fn serve(stream: UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
+fn serve(stream: &UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let mut line = String::new();
-    BufReader::new((&stream).take(MAX_REQUEST)).read_line(&mut line)?;
+    BufReader::new(stream.take(MAX_REQUEST)).read_line(&mut line)?;
     let response = match serde_json::from_str(&line) {
         Ok(request) => {
             let (reply, answer) = bounded(1);
             deliver(Call { request, reply });
-            answer.recv_timeout(PATIENCE).unwrap_or_else(|_| Response::refused("launch did not answer in time"))
+            answer
+                .recv_timeout(PATIENCE)
+                .unwrap_or_else(|_| Response::refused("launch did not answer in time"))
         }
         Err(error) => Response::refused(format!("not a request: {error}")),
     };
     let mut text = serde_json::to_string(&response)?;
     text.push('\n');
-    (&stream).write_all(text.as_bytes())
+    let mut stream = stream;
+    stream.write_all(text.as_bytes())
 }
 
 /// Sends one request to the launch of a robot and waits for the answer.

@@ -1,7 +1,14 @@
 //! The end of a launch: the robot rests, the recorder is heard, everybody leaves, nothing is left.
 
-use super::*;
+use super::{LEAVE_PATIENCE, Manager, Outcome, REST_PATIENCE};
+use crate::shell::ClockKind;
 use crate::shell::observer::TRACE_FILE;
+use crate::shell::page::Phase;
+use hilare_interfaces::messages::Mode;
+use hilare_interfaces::wires::Role;
+use rustix::process::Signal;
+use std::time::{Duration, Instant};
+use tracing::warn;
 
 impl Manager {
     /// Stops the robot, lets everybody leave and collects what they left.

@@ -176,7 +176,8 @@ fn take_lock(path: &Path, robot: &str) -> Result<File, ClaimError> {
             )));
         }
         // The file may have been removed between open and lock by the launch that held it.
-        let same = fs::metadata(path).is_ok_and(|now| file.metadata().is_ok_and(|ours| ours.ino() == now.ino()));
+        let same =
+            fs::metadata(path).is_ok_and(|now| file.metadata().is_ok_and(|ours| ours.ino() == now.ino()));
         if !same {
             continue;
         }

@@ -23,8 +23,8 @@ pub struct Status {
     pub waypoint: u64,
     /// Waypoints of the path.
     pub waypoints: u64,
-    /// Estimated pose: m, m, rad.
-    pub pose: [f64; 3],
+    /// Estimated pose: m, m, rad; absent until the robot was armed for the first time.
+    pub pose: Option<[f64; 3]>,
     /// Commanded speed, m/s, and yaw rate, rad/s.
     pub speed_mps: f64,
     /// Commanded yaw rate.
@@ -72,16 +72,15 @@ impl Status {
         if let Some(fault) = &self.fault {
             text.push_str(&format!("  fault     {fault}\n"));
         }
-        let [x, y, theta] = self.pose;
+        let pose = self.pose.map_or("not known before the robot is armed".to_owned(), |[x, y, theta]| {
+            format!("x {x:.4} m, y {y:.4} m, heading {theta:.3} rad")
+        });
         text.push_str(&format!(
-            "  path      {}, waypoint {} of {}\n  pose      x {:.4} m, y {:.4} m, heading {:.3} rad\n  \
+            "  path      {}, waypoint {} of {}\n  pose      {pose}\n  \
              command   {:.4} m/s, {:.3} rad/s at tick {}\n  counters  {} late, {} refused, {} cycles without, {} ticks paused\n",
             self.path_state,
             self.waypoint,
             self.waypoints.saturating_sub(1),
-            x,
-            y,
-            theta,
             self.speed_mps,
             self.omega_radps,
             self.tick,
@@ -90,7 +89,10 @@ impl Status {
             self.cycles_without_command,
             self.paused_ticks,
         ));
-        text.push_str(&format!("  {:<18}{:>8}  {:<10}{:>9}  {}\n", "process", "pid", "state", "restarts", "granted"));
+        text.push_str(&format!(
+            "  {:<18}{:>8}  {:<10}{:>9}  {}\n",
+            "process", "pid", "state", "restarts", "granted"
+        ));
         for process in &self.processes {
             let name = if process.authority { format!("{} *", process.name) } else { process.name.clone() };
             text.push_str(&format!(

@@ -111,7 +111,7 @@ fn the_verdict_reads_well() {
     let text = verdict_text(&summary(), &PUBLISHED, None, false);
     assert!(text.starts_with("rectangle, kanayama, real clock\n\n"), "{text}");
     for line in [
-        "                                                     2018, table 3,",
+        "                                               2018, table 3,",
         "                                  this run         measured *          simulated",
         "cross-track mean                   2.63 mm            6.75 mm                  -",
         "cross-track max                   33.50 mm",

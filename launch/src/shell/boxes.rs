@@ -1,23 +1,20 @@
 //! Which messages each box is stepped with, and what becomes of its answer.
 
+use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
 use super::{ClockKind, build};
-use crate::shell::transport::{Input, Output, SliceInput, SliceOutput, TransportError};
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::Block;
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Command, GoalHeader, GoalKind, PathHeader, Pose, Reference, Steps, Truth, Waypoint, text_field,
+    Answer, Command, GoalHeader, GoalKind, HealthState, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
+    text_field,
 };
 use hilare_interfaces::wires;
 use hilare_plant::StepperDrive;
 use hilare_pose_estimator::PoseEstimator;
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
-
-fn transport(error: TransportError) -> String {
-    error.to_string()
-}
 
 /// steps → pose.
 pub struct EstimatorProcess {
@@ -33,8 +30,8 @@ impl EstimatorProcess {
     pub fn new(worker: &Worker) -> Result<Self, String> {
         Ok(Self {
             estimator: build::pose_estimator(&worker.system),
-            steps: worker.domain.input(&wires::STEPS).map_err(transport)?,
-            pose: worker.domain.output(&wires::POSE).map_err(transport)?,
+            steps: worker.domain.input(&wires::STEPS)?,
+            pose: worker.domain.output(&wires::POSE)?,
             period_ticks: worker.system.timing.period_ticks,
             report: Report::default(),
         })
@@ -88,9 +85,9 @@ impl SelectorProcess {
     pub fn new(worker: &Worker) -> Result<Self, String> {
         Ok(Self {
             selector: build::waypoint_selector(&worker.system),
-            pose: worker.domain.input(&wires::POSE).map_err(transport)?,
-            path: worker.domain.slice_input(&wires::PATH).map_err(transport)?,
-            reference: worker.domain.output(&wires::REFERENCE).map_err(transport)?,
+            pose: worker.domain.input(&wires::POSE)?,
+            path: worker.domain.slice_input(&wires::PATH)?,
+            reference: worker.domain.output(&wires::REFERENCE)?,
             period_ticks: worker.system.timing.period_ticks,
             waiting: None,
             waiting_points: Vec::new(),
@@ -160,14 +157,13 @@ pub struct ControllerProcess {
 impl ControllerProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let identity =
-            Identity { source: worker.assignment.slot as u64 + 1, epoch: worker.assignment.epoch };
+        let identity = Identity { source: worker.assignment.slot as u64 + 1, epoch: worker.assignment.epoch };
         Ok(Self {
             controller: build::controller(&worker.system, identity)?,
-            reference: worker.domain.input(&wires::REFERENCE).map_err(transport)?,
-            pose: worker.domain.input(&wires::POSE).map_err(transport)?,
+            reference: worker.domain.input(&wires::REFERENCE)?,
+            pose: worker.domain.input(&wires::POSE)?,
             newest: Pose { tick: u64::MAX, ..Pose::ZERO },
-            command: worker.domain.output(&wires::COMMAND).map_err(transport)?,
+            command: worker.domain.output(&wires::COMMAND)?,
             report: Report::default(),
         })
     }
@@ -193,6 +189,10 @@ impl Reactive for ControllerProcess {
             };
             let inputs = ControllerInputs { reference: &reference, pose: &pose };
             let command = self.controller.step(reference.tick, inputs);
+            (self.report.state, self.report.reason) = match command.degraded {
+                0 => (HealthState::Running, ""),
+                _ => (HealthState::Degraded, "the law fell back on a lesser answer"),
+            };
             self.command.send(&command);
             self.report.steps += 1;
         }
@@ -226,8 +226,8 @@ impl PlantProcess {
     pub fn new(worker: &Worker) -> Result<Self, String> {
         Ok(Self {
             plant: build::plant(&worker.system)?,
-            steps: worker.domain.input(&wires::STEPS).map_err(transport)?,
-            truth: worker.domain.output(&wires::TRUTH).map_err(transport)?,
+            steps: worker.domain.input(&wires::STEPS)?,
+            truth: worker.domain.output(&wires::TRUTH)?,
             report: Report::default(),
         })
     }
@@ -284,10 +284,10 @@ impl PlannerProcess {
             _ => Vec::new(),
         };
         Ok(Self {
-            goal: worker.domain.slice_input(&wires::GOAL).map_err(transport)?,
-            pose: worker.domain.newest(&wires::POSE).map_err(transport)?,
-            path: worker.domain.slice_output(&wires::PATH).map_err(transport)?,
-            answer: worker.domain.output(&wires::ANSWER).map_err(transport)?,
+            goal: worker.domain.slice_input(&wires::GOAL)?,
+            pose: worker.domain.newest(&wires::POSE)?,
+            path: worker.domain.slice_output(&wires::PATH)?,
+            answer: worker.domain.output(&wires::ANSWER)?,
             acceptance_radius_m: worker.system.tracking.acceptance_radius_m,
             robot: None,
             first,

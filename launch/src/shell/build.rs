@@ -38,7 +38,8 @@ pub fn controller(system: &System, identity: Identity) -> Result<Controller, Str
     let law = system.controller.law;
     let values = system.controller.values();
     let setup = LawSetup { chassis: &system.chassis, values: &values };
-    let built = (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
+    let built =
+        (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
     Ok(Controller::new(built, identity, system.timing.period_ticks))
 }
 

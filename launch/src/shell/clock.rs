@@ -9,7 +9,7 @@
 //! readers of the steps have kept up.
 
 use super::page::{MAX_WAIT, SharedPage};
-use super::transport::{Input, Output, TransportError};
+use super::transport::{Input, Output};
 use super::worker::{Report, Worker};
 use super::{ClockKind, build};
 use hilare_interfaces::block::{Block, TICK_S, Tick};
@@ -45,12 +45,11 @@ pub struct ClockProcess {
 impl ClockProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let transport = |error: TransportError| error.to_string();
         Ok(Self {
             generator: build::step_generator(&worker.system, worker.assignment.clock),
-            authority: worker.domain.input(&wires::AUTHORITY).map_err(transport)?,
-            command: worker.domain.input(&wires::COMMAND).map_err(transport)?,
-            steps: worker.domain.output(&wires::STEPS).map_err(transport)?,
+            authority: worker.domain.input(&wires::AUTHORITY)?,
+            command: worker.domain.input(&wires::COMMAND)?,
+            steps: worker.domain.output(&wires::STEPS)?,
             tick: 0,
             armed_once: false,
             report: Report::default(),
@@ -131,7 +130,10 @@ impl ClockProcess {
             deadline_ns += paused * TICK_NS;
             if worker.leaving() {
                 // Nobody is left to command: without fresh authority the ramp ends the motion.
-                self.generator.take_in(self.tick, StepInputs { authority: Some(&last_stop()), ..StepInputs::default() });
+                self.generator.take_in(
+                    self.tick,
+                    StepInputs { authority: Some(&last_stop()), ..StepInputs::default() },
+                );
                 farewell += 1;
             } else {
                 self.take_in(0);

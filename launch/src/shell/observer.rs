@@ -40,13 +40,12 @@ pub struct RecorderProcess {
 impl RecorderProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let transport = |error: TransportError| error.to_string();
         let period_ticks = worker.system.timing.period_ticks;
         Ok(Self {
-            steps: worker.domain.input(&wires::STEPS).map_err(transport)?,
-            pose: worker.domain.input(&wires::POSE).map_err(transport)?,
-            truth: worker.domain.input(&wires::TRUTH).map_err(transport)?,
-            reference: worker.domain.input(&wires::REFERENCE).map_err(transport)?,
+            steps: worker.domain.input(&wires::STEPS)?,
+            pose: worker.domain.input(&wires::POSE)?,
+            truth: worker.domain.input(&wires::TRUTH)?,
+            reference: worker.domain.input(&wires::REFERENCE)?,
             assembler: Assembler::new(period_ticks),
             record: RunRecord::new(period_ticks),
             trace_file: worker.assignment.runtime_dir.join(TRACE_FILE),

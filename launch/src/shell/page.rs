@@ -202,9 +202,12 @@ impl SharedPage {
 
     /// A worker: the page launch passed on.
     pub fn inherit() -> io::Result<Self> {
-        let wrong = |why: &str| io::Error::other(format!("{PAGE_FD}: {why}; workers are started by hilare up or run"));
+        let wrong = |why: &str| {
+            io::Error::other(format!("{PAGE_FD}: {why}; workers are started by hilare up or run"))
+        };
         let number = std::env::var(PAGE_FD).map_err(|_| wrong("not set"))?;
-        let number: i32 = number.parse().ok().filter(|fd| *fd > 2).ok_or_else(|| wrong("not a descriptor"))?;
+        let number: i32 =
+            number.parse().ok().filter(|fd| *fd > 2).ok_or_else(|| wrong("not a descriptor"))?;
         // SAFETY: borrowed for this call only; a number that is not an open descriptor makes fstat
         // and mmap fail.
         let fd = unsafe { BorrowedFd::borrow_raw(number) };

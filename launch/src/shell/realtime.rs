@@ -32,6 +32,17 @@ pub enum CpuChoice {
     Number(usize),
 }
 
+impl CpuChoice {
+    /// From the key `cpu` of a system file: −2 any, −1 the last, else a number.
+    pub fn from_key(cpu: i64) -> Self {
+        match usize::try_from(cpu) {
+            Ok(cpu) => Self::Number(cpu),
+            Err(_) if cpu == -1 => Self::Last,
+            Err(_) => Self::Any,
+        }
+    }
+}
+
 /// What the kernel says the process has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Granted {
@@ -89,9 +100,10 @@ pub fn granted() -> Granted {
     let mut parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: the kernel fills the struct it is given.
     unsafe { libc::sched_getparam(0, &mut parameters) };
-    let cpu = sched_getaffinity(None).ok().filter(|set| set.count() == 1).and_then(|set| {
-        (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
-    });
+    let cpu = sched_getaffinity(None)
+        .ok()
+        .filter(|set| set.count() == 1)
+        .and_then(|set| (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64));
     let locked = std::fs::read_to_string("/proc/self/status").is_ok_and(|status| {
         status
             .lines()

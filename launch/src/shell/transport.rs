@@ -17,6 +17,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
+use std::any::Any;
 use std::fmt;
 use std::path::Path as FsPath;
 
@@ -38,6 +39,12 @@ impl fmt::Display for TransportError {
 }
 
 impl std::error::Error for TransportError {}
+
+impl From<TransportError> for String {
+    fn from(error: TransportError) -> Self {
+        error.0
+    }
+}
 
 fn failed(what: impl fmt::Display, cause: impl fmt::Debug) -> TransportError {
     TransportError(format!("{what}: {cause:?}"))
@@ -90,7 +97,8 @@ impl Domain {
     pub fn join(runtime_dir: &FsPath, name: &str) -> Result<Self, TransportError> {
         set_log_level(LogLevel::Error);
         let file = runtime_dir.join(CONFIG_FILE);
-        let path = FilePath::new(file.as_os_str().as_encoded_bytes()).map_err(|e| failed(file.display(), e))?;
+        let path =
+            FilePath::new(file.as_os_str().as_encoded_bytes()).map_err(|e| failed(file.display(), e))?;
         // The global configuration: a prefix on the node builder alone leaves dead nodes behind.
         let config = Config::setup_global_config_from_file(&path).map_err(|e| failed(file.display(), e))?;
         let node = NodeBuilder::new()
@@ -112,20 +120,18 @@ impl Domain {
         use hilare_interfaces::messages as m;
         use hilare_interfaces::wires as w;
         Ok(HeldServices {
-            _single: (
-                self.create::<m::Answer>(&w::ANSWER)?,
-                self.create::<m::Reference>(&w::REFERENCE)?,
-                self.create::<m::Command>(&w::COMMAND)?,
-                self.create::<m::Authority>(&w::AUTHORITY)?,
-                self.create::<m::Steps>(&w::STEPS)?,
-                self.create::<m::Pose>(&w::POSE)?,
-                self.create::<m::Truth>(&w::TRUTH)?,
-                self.create::<m::Health>(&w::HEALTH)?,
-            ),
-            _slices: (
-                self.create_slice::<m::GoalHeader, m::Waypoint>(&w::GOAL)?,
-                self.create_slice::<m::PathHeader, m::Waypoint>(&w::PATH)?,
-            ),
+            _services: [
+                Box::new(self.create::<m::Answer>(&w::ANSWER)?),
+                Box::new(self.create::<m::Reference>(&w::REFERENCE)?),
+                Box::new(self.create::<m::Command>(&w::COMMAND)?),
+                Box::new(self.create::<m::Authority>(&w::AUTHORITY)?),
+                Box::new(self.create::<m::Steps>(&w::STEPS)?),
+                Box::new(self.create::<m::Pose>(&w::POSE)?),
+                Box::new(self.create::<m::Truth>(&w::TRUTH)?),
+                Box::new(self.create::<m::Health>(&w::HEALTH)?),
+                Box::new(self.create_slice::<m::GoalHeader, m::Waypoint>(&w::GOAL)?),
+                Box::new(self.create_slice::<m::PathHeader, m::Waypoint>(&w::PATH)?),
+            ],
         })
     }
 
@@ -295,27 +301,10 @@ fn open_failed(wire: &Wire, cause: PublishSubscribeOpenError) -> TransportError 
 type Service<T> = PubSub<Ipc, OnWire<T>, ()>;
 type SliceService<H, T> = PubSub<Ipc, [OnWire<T>], OnWire<H>>;
 
-/// Every service of the domain, alive as long as this is.
+/// Every service of the domain, alive as long as this is; as many as the table has wires.
 pub struct HeldServices {
-    _single: (
-        Service<hilare_interfaces::messages::Answer>,
-        Service<hilare_interfaces::messages::Reference>,
-        Service<hilare_interfaces::messages::Command>,
-        Service<hilare_interfaces::messages::Authority>,
-        Service<hilare_interfaces::messages::Steps>,
-        Service<hilare_interfaces::messages::Pose>,
-        Service<hilare_interfaces::messages::Truth>,
-        Service<hilare_interfaces::messages::Health>,
-    ),
-    _slices: (
-        SliceService<hilare_interfaces::messages::GoalHeader, hilare_interfaces::messages::Waypoint>,
-        SliceService<hilare_interfaces::messages::PathHeader, hilare_interfaces::messages::Waypoint>,
-    ),
+    _services: [Box<dyn Any>; WIRES.len()],
 }
-
-/// Services held; the table has as many wires.
-pub const HELD: usize = 10;
-const _: () = assert!(HELD == WIRES.len(), "a wire of the table has no service");
 
 /// The writing end of a wire.
 pub struct Output<T: WireMessage + fmt::Debug> {

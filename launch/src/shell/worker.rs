@@ -8,7 +8,7 @@
 use super::ClockKind;
 use super::page::{Phase, SharedPage, SlotState};
 use super::realtime::{self, CpuChoice, Granted, Request};
-use super::transport::{Domain, Output, TransportError};
+use super::transport::{Domain, Output};
 use crate::config::System;
 use hilare_interfaces::latency::LatencyHistogram;
 use hilare_interfaces::layout::WireField;
@@ -58,6 +58,8 @@ pub struct Worker {
     health: Output<Health>,
     last_beat: Instant,
     granted: Granted,
+    /// What the kernel refused.
+    refusal: &'static str,
 }
 
 /// What a box reports in its heartbeat.
@@ -65,6 +67,8 @@ pub struct Worker {
 pub struct Report {
     /// State.
     pub state: HealthState,
+    /// Why, if there is more to say than the state.
+    pub reason: &'static str,
     /// Newest tick worked on.
     pub tick: u64,
     /// Steps taken.
@@ -77,7 +81,7 @@ pub struct Report {
 
 impl Default for Report {
     fn default() -> Self {
-        Self { state: HealthState::Running, tick: 0, steps: 0, rejected: 0, path_id: 0 }
+        Self { state: HealthState::Running, reason: "", tick: 0, steps: 0, rejected: 0, path_id: 0 }
     }
 }
 
@@ -116,9 +120,8 @@ impl Worker {
         let page = SharedPage::inherit().map_err(|e| e.to_string())?;
         let file = assignment.runtime_dir.join("system.toml");
         let system = System::load(&file.to_string_lossy()).map_err(|e| e.to_string())?;
-        let transport = |e: TransportError| e.to_string();
-        let domain = Domain::join(&assignment.runtime_dir, assignment.role.name()).map_err(transport)?;
-        let health = domain.output::<Health>(&wires::HEALTH).map_err(transport)?;
+        let domain = Domain::join(&assignment.runtime_dir, assignment.role.name())?;
+        let health = domain.output::<Health>(&wires::HEALTH)?;
         Ok(Self {
             assignment,
             system,
@@ -129,6 +132,7 @@ impl Worker {
             health,
             last_beat: Instant::now(),
             granted: Granted::default(),
+            refusal: "",
         })
     }
 
@@ -152,14 +156,13 @@ impl Worker {
         let on_the_tick = self.assignment.clock == ClockKind::Real && wanted.priority > 0;
         realtime::apply(Request {
             priority: if on_the_tick { wanted.priority } else { 0 },
-            cpu: match wanted.cpu {
-                -2 => CpuChoice::Any,
-                -1 => CpuChoice::Last,
-                cpu => CpuChoice::Number(usize::try_from(cpu).unwrap_or(0)),
-            },
+            cpu: CpuChoice::from_key(wanted.cpu),
             lock_memory: on_the_tick,
         });
         self.granted = realtime::granted();
+        if on_the_tick && !self.granted.fifo {
+            self.refusal = "best effort: SCHED_FIFO was refused";
+        }
         self.page.set_state(slot, SlotState::Working);
         self.beat(&Report { state: HealthState::Ready, ..Report::default() });
         true
@@ -179,10 +182,13 @@ impl Worker {
     }
 
     fn beat(&self, report: &Report) {
+        let idle = report.state == HealthState::Running && report.steps == 0;
+        let state = if idle { HealthState::Ready } else { report.state };
+        let reason = if report.reason.is_empty() { self.refusal } else { report.reason };
         self.health.send(&Health {
             slot: self.assignment.slot as u64,
             pid: u64::from(std::process::id()),
-            state: report.state.code(),
+            state: state.code(),
             tick: report.tick,
             steps: report.steps,
             rejected: report.rejected,
@@ -192,7 +198,7 @@ impl Worker {
             granted_cpu: self.granted.cpu.map_or(0, |cpu| cpu + 1),
             granted_mlock: u64::from(self.granted.mlock),
             latency: self.latency,
-            text: text_field(""),
+            text: text_field(reason),
         });
     }
 

@@ -25,6 +25,9 @@ pub fn law(name: &str) -> Option<&'static LawSpec> {
     LAWS.iter().find(|law| law.name == name)
 }
 
+/// Builds a law, or says which parameter is wrong and why.
+pub type BuildLaw = fn(&LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)>;
+
 /// What is to be known of a law before it runs.
 #[derive(Clone, Copy)]
 pub struct LawSpec {
@@ -39,7 +42,7 @@ pub struct LawSpec {
     /// Its parameters.
     pub params: &'static [ParamSpec],
     /// Builds it.
-    pub build: fn(&LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)>,
+    pub build: BuildLaw,
 }
 
 /// What a law is built from.

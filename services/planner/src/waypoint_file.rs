@@ -92,9 +92,8 @@ fn parse_point(line: &str, number: u64) -> Result<WorldPoint, WaypointFileError>
     let [x, y] = values[..] else {
         return Err(at(number, format!("{} values where x,y are wanted", values.len())));
     };
-    let coordinate = |text: &str| {
-        text.parse::<f64>().map_err(|_| at(number, format!("{:?} is not a number", clip(text))))
-    };
+    let coordinate =
+        |text: &str| text.parse::<f64>().map_err(|_| at(number, format!("{:?} is not a number", clip(text))));
     Ok(WorldPoint::new(coordinate(x)?, coordinate(y)?))
 }
 
@@ -148,7 +147,7 @@ mod tests {
     fn a_huge_file_is_refused_without_being_read_whole() {
         let body = std::iter::repeat_n("0.1,0.2\n0.3,0.4\n", 5_000_000).flat_map(|line| line.bytes());
         struct Bytes<I>(I);
-        impl<I: Iterator<Item = u8>> std::io::Read for Bytes<I> {
+        impl<I: Iterator<Item = u8>> Read for Bytes<I> {
             fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
                 let mut n = 0;
                 for (slot, byte) in buffer.iter_mut().zip(&mut self.0) {

@@ -220,12 +220,18 @@ mod tests {
 
     #[test]
     fn noise_has_the_asked_spread_and_repeats_with_its_seed() {
-        let noisy = |seed| StepperDriveParams { slip_sd: 0.1, start_sd_m: 0.01, seed, ..StepperDriveParams::default() };
+        let noisy = |seed| StepperDriveParams {
+            slip_sd: 0.1,
+            start_sd_m: 0.01,
+            seed,
+            ..StepperDriveParams::default()
+        };
         let run = |seed| drive(noisy(seed), (0..500).map(|_| (1, 1)));
         assert_eq!(run(3), run(3));
         assert_ne!(run(3), run(4));
-        let starts: std::vec::Vec<f64> =
-            (0..2000).map(|seed| StepperDrive::new(BODY, noisy(seed), WorldPose::default()).pose.x_m).collect();
+        let starts: std::vec::Vec<f64> = (0..2000)
+            .map(|seed| StepperDrive::new(BODY, noisy(seed), WorldPose::default()).pose.x_m)
+            .collect();
         let mean = starts.iter().sum::<f64>() / 2000.0;
         let sd = libm::sqrt(starts.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / 1999.0);
         assert!(mean.abs() < 0.001 && (sd - 0.01).abs() < 0.001, "{mean} {sd}");

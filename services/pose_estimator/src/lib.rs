@@ -51,7 +51,8 @@ impl PoseEstimator {
     }
 
     fn heading_rad(&self, counts: PerWheel<i64>) -> f64 {
-        let turned: f64 = counts.iter().zip(self.heading_per_step_rad).map(|(n, gain)| *n as f64 * gain).sum();
+        let turned: f64 =
+            counts.iter().zip(self.heading_per_step_rad).map(|(n, gain)| *n as f64 * gain).sum();
         self.start_heading_rad + turned
     }
 
@@ -127,7 +128,8 @@ mod tests {
     #[test]
     fn sideways_mecanum_steps_move_it_sideways() {
         let chassis = Chassis::Mecanum(MecanumParams::default());
-        let mut estimator = PoseEstimator::new(chassis, 0.01, WorldPose::new(0.0, 0.0, core::f64::consts::FRAC_PI_2));
+        let mut estimator =
+            PoseEstimator::new(chassis, 0.01, WorldPose::new(0.0, 0.0, core::f64::consts::FRAC_PI_2));
         let pose = estimator.step(1, &Steps { tick: 1, counts: [-10, 10, 10, -10], ..Steps::ZERO });
         assert!((pose.x_m + 10.0 * 0.01 * 0.05).abs() < 1e-12 && pose.y_m.abs() < 1e-12);
     }

@@ -70,10 +70,8 @@ impl Assembler {
             else {
                 return;
             };
-            let complete = steps.tick == tick
-                && pose.tick == tick
-                && truth.tick == tick
-                && reference.tick == chosen_at;
+            let complete =
+                steps.tick == tick && pose.tick == tick && truth.tick == tick && reference.tick == chosen_at;
             if complete {
                 deliver(TickRecord { steps, pose, truth, reference });
             } else {

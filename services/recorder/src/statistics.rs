@@ -156,10 +156,8 @@ impl Line {
         if key != self.key {
             let segment = Segment::new(reference.last.point(), reference.current.point());
             let length = segment.length_m().max(f64::MIN_POSITIVE);
-            let normal = (
-                -(segment.to.y_m - segment.from.y_m) / length,
-                (segment.to.x_m - segment.from.x_m) / length,
-            );
+            let normal =
+                (-(segment.to.y_m - segment.from.y_m) / length, (segment.to.x_m - segment.from.x_m) / length);
             let offset = normal.0 * segment.from.x_m + normal.1 * segment.from.y_m;
             *self = Self { key, normal, offset };
         }
@@ -205,7 +203,12 @@ mod tests {
         for n in 1..=500u64 {
             let pose = WorldPose::new(n as f64 * 4e-5, 0.003, 0.0);
             statistics.push(TickRecord {
-                steps: &Steps { tick: n, counts: [n as i64, 2, 0, 0], twist: [0.038, 0.0, 0.0], ..Steps::ZERO },
+                steps: &Steps {
+                    tick: n,
+                    counts: [n as i64, 2, 0, 0],
+                    twist: [0.038, 0.0, 0.0],
+                    ..Steps::ZERO
+                },
                 pose: &Pose::at(n, pose),
                 truth: &Truth::at(n, pose),
                 reference: &reference,
@@ -220,7 +223,11 @@ mod tests {
             reference: &reference,
         });
         let figures = statistics.figures();
-        assert_eq!(figures, RunFigures { reached: true, ..before }, "the tick after the arrival does not count");
+        assert_eq!(
+            figures,
+            RunFigures { reached: true, ..before },
+            "the tick after the arrival does not count"
+        );
         assert_eq!((figures.ticks, figures.steps[0]), (500, 500));
         assert!((figures.cross_track_mean_m - 0.003).abs() < 1e-12);
         assert!((figures.speed_error_mean_mps - 0.002).abs() < 1e-12);

@@ -96,7 +96,11 @@ impl Trace {
 
 /// Reads the rows of [`Trace::to_csv`] back.
 pub fn parse_csv(csv: &str) -> Result<Vec<TraceRow>, String> {
-    csv.lines().skip(1).enumerate().map(|(i, line)| parse_row(line).ok_or(format!("trace.csv:{}: not a row", i + 2))).collect()
+    csv.lines()
+        .skip(1)
+        .enumerate()
+        .map(|(i, line)| parse_row(line).ok_or(format!("trace.csv:{}: not a row", i + 2)))
+        .collect()
 }
 
 fn parse_row(line: &str) -> Option<TraceRow> {

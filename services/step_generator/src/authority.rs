@@ -131,7 +131,7 @@ impl Gate {
             && command.source != 0;
         let fresh = command.seq > self.last_seq;
         let newer = self.acting.is_none_or(|acting| command.effective_tick > acting.effective_tick);
-        let on_the_grid = command.effective_tick % period == 0
+        let on_the_grid = command.effective_tick.is_multiple_of(period)
             && command.effective_tick == command.pose_tick.saturating_add(period)
             && command.effective_tick <= tick.saturating_add(2 * period);
         in_charge && fresh && newer && on_the_grid && command.twist().is_some()
@@ -147,7 +147,7 @@ impl Gate {
     /// True if tick `tick` opens a cycle for which a command is due and has not come.
     pub fn awaits_command(&self, tick: Tick) -> bool {
         self.mode == Mode::Armed
-            && tick % self.params.period_ticks == 0
+            && tick.is_multiple_of(self.params.period_ticks)
             && tick >= self.due_from
             && !self.pending.iter().flatten().any(|command| command.effective_tick == tick)
     }
@@ -155,7 +155,7 @@ impl Gate {
     /// Decides what acts on the tick that follows `tick` executed ticks.
     pub fn decide(&mut self, tick: Tick) -> Decision {
         self.lease_age += 1;
-        if tick % self.params.period_ticks == 0 {
+        if tick.is_multiple_of(self.params.period_ticks) {
             self.open_cycle(tick);
         }
         self.take_due(tick);

@@ -44,10 +44,9 @@ impl Rig {
 
     fn tick_with(&mut self, commands: &[Command]) -> Steps {
         self.authority.seq += 1;
-        let steps = self.generator.step(
-            self.tick,
-            StepInputs { authority: Some(&self.authority), commands, paused_ticks: 0 },
-        );
+        let steps = self
+            .generator
+            .step(self.tick, StepInputs { authority: Some(&self.authority), commands, paused_ticks: 0 });
         self.tick += 1;
         steps
     }

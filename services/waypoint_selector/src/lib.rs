@@ -12,7 +12,9 @@ extern crate std;
 use alloc::vec::Vec;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::layout::WireField;
-use hilare_interfaces::messages::{MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint};
+use hilare_interfaces::messages::{
+    MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint,
+};
 use hilare_interfaces::param_group;
 
 param_group! {
