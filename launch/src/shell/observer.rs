@@ -1,7 +1,7 @@
 //! The recorder's process: reads every wire of the tick, disturbs none.
 
 use super::boxes::observer_interval;
-use super::transport::{Input, TransportError};
+use super::transport::Input;
 use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::messages::{Pose, Reference, Steps, Truth};
 use hilare_interfaces::wires;
