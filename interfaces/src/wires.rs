@@ -226,7 +226,8 @@ pub const POSE: Wire = Wire {
     from: &[Role::PoseEstimator],
     to: &[
         wakes(Role::WaypointSelector),
-        polls(Role::Controller),
+        // A pose may reach its queue after the reference that answers it.
+        wakes(Role::Controller),
         polls(Role::Planner),
         polls(Role::Recorder),
         polls(Role::Launch),

@@ -5,16 +5,17 @@ An independent oracle for hilare: it shares no code, no unit and no data type wi
 file given (CSV, header ``x,y``, metres) it drives the e-puck of the paper's table 1 with the gains of point
 A, starting on the first waypoint with heading 0, and prints what hilare's summary.json says, as JSON.
 
-    reference.py [--nudge TICKLE] FILE.csv [FILE.csv ...]
+    reference.py [--nudge DX,DY] FILE.csv [FILE.csv ...]
 
-Where the paper leaves a choice, the choice is the one of docs: the heading of the segment that ends in the
-current waypoint (6), one waypoint accepted a control period, commands that act one control period after
-their pose ("lag 5"), Euler dead reckoning with the heading updated after x and y (31).
+Where the paper leaves a choice: the heading of the segment that ends in the current waypoint (6), one waypoint
+accepted a control period, commands that act one control period after their pose ("lag 5"), Euler dead
+reckoning with the heading updated after x and y (31). cross_track_* and final_truth are of a robot that rolls
+along exact arcs on the same steps; cross_track_*_euler_m and final_pose are of the dead reckoning.
 
---nudge adds TICKLE steps (say 1e-9) to the angle each wheel owes at the start. It is no part of the paper:
-at the motors' limit the faster wheel owes exactly one step every second tick, (28) compares two numbers that
-are equal in theory, and rounding decides. A nudge far below anything physical decides the other way, so the
-spread of nudged runs is what rounding may cost on a path.
+--nudge starts the dead reckoning DX, DY millimetres off. It is no part of the paper: (7) has a gain of 118
+rad/s a millimetre and (28) compares with a threshold, so once in some hundred paths a rounding error decides
+in which tick a pulse falls, and from there on two correct programs part. A nudge of 1e-10 mm or less, a
+thousandth of an atom, shows what a path has to offer in this way.
 """
 
 import csv
@@ -93,14 +94,15 @@ class Track:
         self.max = max(self.max, distance)
 
 
-def drive(waypoints, nudge=0.0):
+def drive(waypoints, nudge=(0.0, 0.0)):
     """One run. The figures in SI, named as in summary.json."""
     x, y, heading = waypoints[0][0], waypoints[0][1], 0.0
     true_x, true_y = x, y
+    x, y = x + nudge[0], y + nudge[1]
     index = 1
     v = w = 0.0
     coming = None  # the command that acts at the next control period
-    owed_right = owed_left = nudge * STEP_ANGLE
+    owed_right = owed_left = 0.0
     right = left = 0
     estimated, true = Track(), Track()
     speed_error = 0.0
@@ -155,9 +157,9 @@ def drive(waypoints, nudge=0.0):
 
 
 def main(arguments):
-    nudge = 0.0
+    nudge = (0.0, 0.0)
     if arguments[:1] == ["--nudge"] and len(arguments) > 1:
-        nudge, arguments = float(arguments[1]), arguments[2:]
+        nudge, arguments = tuple(map(float, arguments[1].split(","))), arguments[2:]
     if not arguments or arguments[0].startswith("-"):
         sys.exit(__doc__)
     runs = [{"file": path, **drive(read_waypoints(path), nudge)} for path in arguments]

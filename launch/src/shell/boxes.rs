@@ -1,5 +1,6 @@
 //! Which messages each box is stepped with, and what becomes of its answer.
 
+use super::pairing::Pairing;
 use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
 use super::{ClockKind, build};
@@ -148,8 +149,7 @@ pub struct ControllerProcess {
     controller: Controller,
     reference: Input<Reference>,
     pose: Input<Pose>,
-    /// Newest pose read.
-    newest: Pose,
+    pairing: Pairing,
     command: Output<Command>,
     report: Report,
 }
@@ -162,31 +162,19 @@ impl ControllerProcess {
             controller: build::controller(&worker.system, identity)?,
             reference: worker.domain.input(&wires::REFERENCE)?,
             pose: worker.domain.input(&wires::POSE)?,
-            newest: Pose { tick: u64::MAX, ..Pose::ZERO },
+            pairing: Pairing::default(),
             command: worker.domain.output(&wires::COMMAND)?,
             report: Report::default(),
         })
-    }
-
-    /// The pose of a tick; the selector saw it, so it is on the wire or was lost.
-    fn pose_at(&mut self, tick: u64) -> Option<Pose> {
-        while self.newest.tick == u64::MAX || self.newest.tick < tick {
-            self.newest = self.pose.next()?;
-        }
-        (self.newest.tick == tick).then_some(self.newest)
     }
 }
 
 impl Reactive for ControllerProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
-        while let Some(reference) = self.reference.next() {
+        while let Some((reference, pose)) = self.pairing.next(|| self.reference.next(), || self.pose.next()) {
             worked = true;
             self.report.tick = reference.tick;
-            let Some(pose) = self.pose_at(reference.tick) else {
-                self.report.rejected += 1;
-                continue;
-            };
             let inputs = ControllerInputs { reference: &reference, pose: &pose };
             let command = self.controller.step(reference.tick, inputs);
             (self.report.state, self.report.reason) = match command.degraded {
@@ -195,6 +183,7 @@ impl Reactive for ControllerProcess {
             };
             self.command.send(&command);
             self.report.steps += 1;
+            self.report.rejected = self.pairing.lost();
         }
         if worked {
             worker.page.ring(&wires::COMMAND);

@@ -26,7 +26,6 @@ pub struct InProcess {
     plant: StepperDrive,
     path: Option<Vec<Waypoint>>,
     tick: Tick,
-    steps: Steps,
     pose: Pose,
     truth: Truth,
     reference: Reference,
@@ -54,7 +53,6 @@ impl InProcess {
             plant,
             path: Some(waypoints.iter().map(|point| Waypoint::from(*point)).collect()),
             tick: 0,
-            steps,
             reference: Reference::ZERO,
             command: None,
         })
@@ -67,7 +65,7 @@ impl InProcess {
 
     /// State of the step generator.
     pub fn steps(&self) -> &Steps {
-        &self.steps
+        self.generator.state()
     }
 
     /// Executes one tick, unless the pose before it is the arrival. False then.
@@ -81,10 +79,10 @@ impl InProcess {
         }
         let commands = self.command.take();
         let inputs = StepInputs { commands: commands.as_slice(), ..StepInputs::default() };
-        self.steps = self.generator.step(self.tick, inputs);
-        self.pose = self.estimator.step(self.steps.tick, &self.steps);
-        self.truth = self.plant.step(self.steps.tick, &self.steps);
-        self.tick = self.steps.tick;
+        self.generator.advance(self.tick, inputs);
+        self.tick += 1;
+        self.pose = self.estimator.step(self.tick, self.generator.state());
+        self.truth = self.plant.step(self.tick, self.generator.state());
         true
     }
 
@@ -103,7 +101,7 @@ impl InProcess {
         let mut record = RunRecord::new(self.period_ticks);
         while self.tick < max_ticks && self.tick() {
             record.push(TickRecord {
-                steps: &self.steps,
+                steps: self.generator.state(),
                 pose: &self.pose,
                 truth: &self.truth,
                 reference: &self.reference,

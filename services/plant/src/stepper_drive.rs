@@ -125,6 +125,7 @@ impl Block for StepperDrive {
     type Inputs<'a> = &'a Steps;
     type Output = Truth;
 
+    #[inline]
     fn step(&mut self, _tick: Tick, steps: &Steps) -> Truth {
         if steps.tick >= self.tick {
             let counts = [steps.counts[0], steps.counts[1]];

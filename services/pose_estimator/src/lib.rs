@@ -85,6 +85,7 @@ impl Block for PoseEstimator {
     type Output = Pose;
 
     /// The pose after the steps of message `steps`; a repeated or older message changes nothing.
+    #[inline]
     fn step(&mut self, _tick: Tick, steps: &Steps) -> Pose {
         if steps.tick >= self.tick {
             if steps.counts != self.counts {

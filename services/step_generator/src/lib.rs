@@ -39,6 +39,10 @@ pub struct StepGenerator {
     limits: Limits,
     gate: Gate,
     pulses: PulseTrain,
+    /// The command that acts, and what the constraints make of it.
+    commanded: BodyTwist,
+    constrained: BodyTwist,
+    /// What is carried out.
     twist: BodyTwist,
     state: Steps,
 }
@@ -52,6 +56,8 @@ impl StepGenerator {
             limits,
             gate: Gate::new(gate),
             pulses: PulseTrain::new(step_rad, chassis.wheels()),
+            commanded: BodyTwist::ZERO,
+            constrained: limits.constrain(&chassis, BodyTwist::ZERO),
             twist: BodyTwist::ZERO,
             state: Steps::ZERO,
         }
@@ -78,26 +84,29 @@ impl StepGenerator {
         }
     }
 
+    /// What is carried out in this tick, and why.
     fn next_twist(&mut self, tick: Tick) -> (BodyTwist, Drive) {
         let decision = self.gate.decide(tick);
         let twist = match decision.drive {
-            Drive::Command | Drive::Hold => decision.twist,
+            // A command acts for several ticks: constrain it once.
+            Drive::Command | Drive::Hold if decision.twist == self.commanded => self.constrained,
+            Drive::Command | Drive::Hold => {
+                self.commanded = decision.twist;
+                self.constrained = self.limits.constrain(&self.chassis, decision.twist);
+                self.constrained
+            }
             Drive::EStop | Drive::Disarmed => BodyTwist::ZERO,
             Drive::Ramp | Drive::Stop | Drive::LeaseLost | Drive::PauseStop => {
-                return (self.limits.ramp_down(self.twist), decision.drive);
+                self.limits.ramp_down(self.twist)
             }
         };
-        (self.limits.constrain(&self.chassis, twist), decision.drive)
+        (twist, decision.drive)
     }
-}
 
-impl Block for StepGenerator {
-    type Inputs<'a> = StepInputs<'a>;
-    type Output = Steps;
-
-    /// Executes the tick after `tick` ticks have been executed; the returned state carries
+    /// Executes the tick after `tick` ticks have been executed; [`Self::state`] then carries
     /// `tick + 1`.
-    fn step(&mut self, tick: Tick, inputs: StepInputs<'_>) -> Steps {
+    #[inline]
+    pub fn advance(&mut self, tick: Tick, inputs: StepInputs<'_>) {
         self.take_in(tick, inputs);
         if inputs.paused_ticks > 0 {
             self.gate.note_pause(inputs.paused_ticks);
@@ -107,7 +116,7 @@ impl Block for StepGenerator {
         }
         let (twist, drive) = self.next_twist(tick);
         // Wheel speeds change a few hundred times a second at most, pulses a thousand times.
-        if twist != self.twist || tick == 0 {
+        if twist != self.twist {
             self.twist = twist;
             self.state.twist = [twist.vx_mps, twist.vy_mps, twist.omega_radps];
             self.state.wheel_speed_radps = self.chassis.wheel_speeds(twist);
@@ -118,6 +127,15 @@ impl Block for StepGenerator {
         self.state.counts = self.pulses.counts();
         self.state.drive = drive.code();
         self.gate.report(&mut self.state);
+    }
+}
+
+impl Block for StepGenerator {
+    type Inputs<'a> = StepInputs<'a>;
+    type Output = Steps;
+
+    fn step(&mut self, tick: Tick, inputs: StepInputs<'_>) -> Steps {
+        self.advance(tick, inputs);
         self.state
     }
 }

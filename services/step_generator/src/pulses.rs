@@ -39,6 +39,7 @@ impl PulseTrain {
     }
 
     /// One tick: at most one step a wheel.
+    #[inline]
     pub fn tick(&mut self) {
         for wheel in 0..self.wheels {
             // [MH18] (27)
