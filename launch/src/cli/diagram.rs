@@ -57,15 +57,15 @@ pub fn text() -> String {
             WIRES.iter().filter(|wire| wire.written_by(role) && wire.name != "health").collect();
         let label = format!("[{}]", role.name());
         if out.is_empty() {
-            text.push_str(&format!("{label}\n"));
+            text.push_str(&format!("{label:<20}(reads only)\n"));
         }
         for (i, wire) in out.iter().enumerate() {
             let head = if i == 0 { label.as_str() } else { "" };
             let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).collect();
             let arrow = format!("──{}──▶", wire.name);
-            text.push_str(&format!("{head:<20}{arrow:<15} {:<52} {}\n", readers.join(", "), rate(wire)));
+            text.push_str(&format!("{head:<20}{arrow:<15} {:<61} {}\n", readers.join(", "), rate(wire)));
         }
     }
-    text.push_str(&format!("{:<20}{:<15} {:<52} {}\n", "[every worker]", "──health──▶", "launch", "20 Hz"));
+    text.push_str(&format!("{:<20}{:<15} {:<61} {}\n", "[every worker]", "──health──▶", "launch", "20 Hz"));
     text
 }

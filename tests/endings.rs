@@ -1,0 +1,183 @@
+//! However a run ends, nothing is left; and a worker that dies costs what the design says, not more.
+
+mod support;
+
+use rustix::process::Signal;
+use std::path::Path;
+use std::time::Duration;
+use support::random::Random;
+use support::{Ended, Lab, Running, comes_true, number, pid_of};
+
+#[test]
+fn fifty_runs_in_a_row() {
+    let lab = Lab::new();
+    let path = lab.straight(0.1);
+    let (path, robot) = (path.to_string_lossy(), lab.robot());
+    let args = ["run", "--path", &path, "--clock", "lockstep", "--json", "--robot", &robot, "--out", "report"];
+    let first = lab.hilare(&args).expect_code(0);
+    for n in 2..=50 {
+        let ended = lab.hilare(&args).expect_code(0);
+        assert_eq!(ended.stdout, first.stdout, "run {n} is the first one again");
+        assert_eq!(ended.stderr, "", "run {n}");
+        lab.assert_nothing_left(&format!("run {n}"));
+    }
+}
+
+/// A run or a robot that stays up, in real time.
+fn start_something(lab: &Lab, n: u64) -> Running {
+    let (robot, out) = (lab.robot(), format!("report-{n}"));
+    if n % 2 == 0 {
+        lab.start(&["run", "so", "--robot", &robot, "--out", &out])
+    } else {
+        lab.start(&["up", "--robot", &robot])
+    }
+}
+
+#[test]
+fn fifty_times_ctrl_c() {
+    let lab = Lab::new();
+    let mut random = Random::new("fifty_times_ctrl_c", 1);
+    for n in 0..50 {
+        // Half of them while it starts, which takes about 60 ms.
+        let after_ms = random.whole(0, if n % 4 < 2 { 60 } else { 400 });
+        let launch = start_something(&lab, n);
+        std::thread::sleep(Duration::from_millis(after_ms));
+        launch.signal(Signal::INT);
+        let ended = launch.wait(support::PATIENCE);
+        let what = format!("Ctrl-C {n}, {after_ms} ms after the start: {ended:?}");
+        // Before main has begun, the signal's own end is all there can be.
+        assert!(matches!((ended.code, ended.signal), (Some(0 | 1), None) | (None, Some(2))), "{what}");
+        assert!(!ended.stderr.contains("panicked"), "{what}");
+        assert!(comes_true(Duration::from_secs(2), || lab.processes().is_empty()), "{what}: {:?}", lab.processes());
+        lab.assert_nothing_left(&what);
+    }
+}
+
+#[test]
+fn twenty_times_kill_9_of_launch() {
+    let lab = Lab::new();
+    let mut random = Random::new("twenty_times_kill_9_of_launch", 2);
+    let path = lab.straight(0.04);
+    let (path, robot) = (path.to_string_lossy(), lab.robot());
+    for n in 0..20 {
+        let after_ms = random.whole(0, 400);
+        let launch = start_something(&lab, n);
+        std::thread::sleep(Duration::from_millis(after_ms));
+        launch.signal(Signal::KILL);
+        launch.wait(support::PATIENCE);
+        let what = format!("kill -9 {n}, {after_ms} ms after the start");
+        // The design's bound is a second; the machine may be busy.
+        assert!(comes_true(Duration::from_secs(3), || lab.processes().is_empty()), "{what}: {:?}", lab.processes());
+        // The next start works unattended, and cleans up.
+        let ended = lab.hilare(&["run", "--path", &path, "--clock", "lockstep", "--robot", &robot, "--out", "next"]);
+        assert_eq!((ended.code, ended.stderr.as_str()), (Some(0), ""), "the start after {what}: {ended:#?}");
+        lab.assert_nothing_left(&format!("the start after {what}"));
+    }
+}
+
+/// Starts a run of 0.3 m in real time and kills a worker with -9 while it drives.
+fn kill_while_driving(lab: &Lab, worker: &str) -> Ended {
+    let (path, robot) = (lab.straight(0.3), lab.robot());
+    let mut command = lab.command(&["run", "--path", &path.to_string_lossy(), "--robot", &robot, "--out", "report"]);
+    // A pause of a shared host may not stop the robot here: it is the dead worker that is tested.
+    command.args(["--set", "timing.pause_stop_ticks=0"]);
+    let run = Running::start(command);
+    let status = lab.await_status(&robot, "it drives", |status| number(status, "tick") > 500.0);
+    support::process::signal(pid_of(&status, worker), Signal::KILL);
+    let ended = run.wait(Duration::from_secs(120));
+    assert!(!ended.stderr.contains("panicked"), "{ended:#?}");
+    lab.assert_nothing_left(&format!("kill -9 of the {worker}"));
+    ended
+}
+
+/// Lines on standard error about this worker.
+fn lines_about<'e>(ended: &'e Ended, worker: &str) -> Vec<&'e str> {
+    ended.complaints().into_iter().filter(|line| line.contains(worker)).collect()
+}
+
+fn report(lab: &Lab) -> std::path::PathBuf {
+    lab.dir().join("report")
+}
+
+#[test]
+fn kill_9_of_the_controller() {
+    let lab = Lab::new();
+    let ended = kill_while_driving(&lab, "controller").expect_code(0);
+    let summary = lab.summary(&report(&lab));
+    assert_eq!((&summary["reached"], &summary["restarts"]), (&true.into(), &1.into()), "{ended:#?}");
+    assert_eq!(lines_about(&ended, "controller").len(), 1, "{ended:#?}");
+    assert!(ended.stderr.contains("starting it again"), "{ended:#?}");
+    assert!(ended.stdout.contains("ARRIVED") && ended.stdout.contains("1 restarts"), "{}", ended.stdout);
+    // The robot held its course or waited; it did not turn away.
+    assert!(number(&summary, "cross_track_max_m") < 0.02, "{summary}");
+}
+
+#[test]
+fn kill_9_of_the_planner() {
+    let lab = Lab::new();
+    let ended = kill_while_driving(&lab, "planner").expect_code(0);
+    let summary = lab.summary(&report(&lab));
+    assert_eq!((&summary["reached"], &summary["restarts"]), (&true.into(), &1.into()), "{ended:#?}");
+    assert_eq!(lines_about(&ended, "planner").len(), 1, "{ended:#?}");
+}
+
+/// Boxes that know where the robot is: a fresh one would not, so the robot stops and the run ends.
+fn kill_9_ends_the_run(worker: &str) {
+    let lab = Lab::new();
+    let ended = kill_while_driving(&lab, worker).expect_code(1);
+    let lines = lines_about(&ended, worker);
+    assert_eq!(lines.len(), 1, "one clear line: {ended:#?}");
+    assert!(lines[0].contains("killed") && lines[0].contains("the robot is being stopped"), "{}", lines[0]);
+    assert!(ended.stdout.contains("NOT ARRIVED") && ended.stdout.contains(worker), "{}", ended.stdout);
+    let summary = lab.summary(&report(&lab));
+    assert_eq!((&summary["reached"], &summary["restarts"]), (&false.into(), &0.into()));
+    it_stopped_in_time(&report(&lab), &summary);
+}
+
+/// As far as the recorder saw it, the robot was 0.3 m long on its way: it may not have gone on alone.
+fn it_stopped_in_time(report: &Path, summary: &serde_json::Value) {
+    let log = std::fs::read_to_string(report.join("hilare.log")).expect("the log");
+    assert!(log.contains("the robot is being stopped"), "{log}");
+    assert!(number(&summary["final_truth"], "x_m") < 0.2, "killed at 0.02 m: {summary}");
+}
+
+#[test]
+fn kill_9_of_the_pose_estimator() {
+    kill_9_ends_the_run("pose_estimator");
+}
+
+#[test]
+fn kill_9_of_the_waypoint_selector() {
+    kill_9_ends_the_run("waypoint_selector");
+}
+
+#[test]
+fn kill_9_of_the_step_generator() {
+    kill_9_ends_the_run("step_generator");
+}
+
+#[test]
+fn kill_9_of_the_recorder() {
+    let lab = Lab::new();
+    let ended = kill_while_driving(&lab, "recorder").expect_code(1);
+    let lines = lines_about(&ended, "recorder");
+    assert!(lines.iter().any(|line| line.contains("the run goes on")), "{ended:#?}");
+    assert!(ended.stderr.contains("figures are lost"), "{ended:#?}");
+    assert!(!report(&lab).join("summary.json").exists(), "no figures are better than half of them");
+}
+
+#[test]
+fn a_killed_launch_stops_the_robot_before_the_workers_go() {
+    let lab = Lab::new();
+    let robot = lab.robot();
+    let launch = lab.start(&["run", "so", "--robot", &robot, "--out", "report"]);
+    lab.await_status(&robot, "it drives", |status| number(status, "tick") > 300.0);
+    launch.signal(Signal::KILL);
+    assert!(comes_true(Duration::from_secs(3), || lab.processes().is_empty()), "{:?}", lab.processes());
+    let doctor = lab.hilare(&["doctor"]);
+    assert!(doctor.stdout.contains("leftovers"), "{}", doctor.stdout);
+    let again = lab.hilare(&["up", "--detach", "--robot", &robot]).expect_code(0);
+    assert_eq!(again.stderr, "");
+    lab.hilare(&["down", "--robot", &robot]).expect_code(0);
+    lab.assert_nothing_left("the next robot of that name");
+}
