@@ -13,7 +13,8 @@ fn fifty_runs_in_a_row() {
     let lab = Lab::new();
     let path = lab.straight(0.1);
     let (path, robot) = (path.to_string_lossy(), lab.robot());
-    let args = ["run", "--path", &path, "--clock", "lockstep", "--json", "--robot", &robot, "--out", "report"];
+    let args =
+        ["run", "--path", &path, "--clock", "lockstep", "--json", "--robot", &robot, "--out", "report"];
     let first = lab.hilare(&args).expect_code(0);
     for n in 2..=50 {
         let ended = lab.hilare(&args).expect_code(0);
@@ -26,7 +27,7 @@ fn fifty_runs_in_a_row() {
 /// A run or a robot that stays up, in real time.
 fn start_something(lab: &Lab, n: u64) -> Running {
     let (robot, out) = (lab.robot(), format!("report-{n}"));
-    if n % 2 == 0 {
+    if n.is_multiple_of(2) {
         lab.start(&["run", "so", "--robot", &robot, "--out", &out])
     } else {
         lab.start(&["up", "--robot", &robot])
@@ -48,7 +49,11 @@ fn fifty_times_ctrl_c() {
         // Before main has begun, the signal's own end is all there can be.
         assert!(matches!((ended.code, ended.signal), (Some(0 | 1), None) | (None, Some(2))), "{what}");
         assert!(!ended.stderr.contains("panicked"), "{what}");
-        assert!(comes_true(Duration::from_secs(2), || lab.processes().is_empty()), "{what}: {:?}", lab.processes());
+        assert!(
+            comes_true(Duration::from_secs(2), || lab.processes().is_empty()),
+            "{what}: {:?}",
+            lab.processes()
+        );
         lab.assert_nothing_left(&what);
     }
 }
@@ -67,9 +72,14 @@ fn twenty_times_kill_9_of_launch() {
         launch.wait(support::PATIENCE);
         let what = format!("kill -9 {n}, {after_ms} ms after the start");
         // The design's bound is a second; the machine may be busy.
-        assert!(comes_true(Duration::from_secs(3), || lab.processes().is_empty()), "{what}: {:?}", lab.processes());
+        assert!(
+            comes_true(Duration::from_secs(3), || lab.processes().is_empty()),
+            "{what}: {:?}",
+            lab.processes()
+        );
         // The next start works unattended, and cleans up.
-        let ended = lab.hilare(&["run", "--path", &path, "--clock", "lockstep", "--robot", &robot, "--out", "next"]);
+        let ended =
+            lab.hilare(&["run", "--path", &path, "--clock", "lockstep", "--robot", &robot, "--out", "next"]);
         assert_eq!((ended.code, ended.stderr.as_str()), (Some(0), ""), "the start after {what}: {ended:#?}");
         lab.assert_nothing_left(&format!("the start after {what}"));
     }
@@ -78,7 +88,8 @@ fn twenty_times_kill_9_of_launch() {
 /// Starts a run of 0.3 m in real time and kills a worker with -9 while it drives.
 fn kill_while_driving(lab: &Lab, worker: &str) -> Ended {
     let (path, robot) = (lab.straight(0.3), lab.robot());
-    let mut command = lab.command(&["run", "--path", &path.to_string_lossy(), "--robot", &robot, "--out", "report"]);
+    let mut command =
+        lab.command(&["run", "--path", &path.to_string_lossy(), "--robot", &robot, "--out", "report"]);
     // A pause of a shared host may not stop the robot here: it is the dead worker that is tested.
     command.args(["--set", "timing.pause_stop_ticks=0"]);
     let run = Running::start(command);

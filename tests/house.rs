@@ -8,9 +8,8 @@ use std::process::Command;
 use support::Lab;
 
 const LINES_MAX: usize = 450;
-const SERVICES: [&str; 7] = [
-    "planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant", "recorder",
-];
+const SERVICES: [&str; 7] =
+    ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant", "recorder"];
 /// Boxes on the control path, and the plant, which keeps time with them.
 const PURE: [&str; 5] = ["waypoint_selector", "controller", "step_generator", "pose_estimator", "plant"];
 
@@ -97,7 +96,8 @@ fn the_control_path_is_pure() {
         let names = dependencies(&read(format!("services/{service}/Cargo.toml")));
         // A QP solver needs std; everything else must do without.
         let excused = service == "controller" && names.iter().any(|name| name == "clarabel");
-        let declared = read(format!("services/{service}/src/lib.rs")).lines().any(|line| line == "#![no_std]");
+        let declared =
+            read(format!("services/{service}/src/lib.rs")).lines().any(|line| line == "#![no_std]");
         assert!(declared || excused, "services/{service} does not declare #![no_std]");
         for name in &names {
             let known = ["hilare-interfaces", "libm", "proptest"].contains(&name.as_str());
@@ -126,7 +126,8 @@ fn files_can_be_read_in_one_sitting() {
 
 #[test]
 fn no_file_names_a_machine() {
-    let words = [concat!("/wo", "rk/"), concat!("/tmp/", "lab"), concat!("/ro", "ot/"), concat!("/ho", "me/")];
+    let words =
+        [concat!("/wo", "rk/"), concat!("/tmp/", "lab"), concat!("/ro", "ot/"), concat!("/ho", "me/")];
     let mut found = Vec::new();
     for path in files() {
         // Pictures and the like are no text.
@@ -149,5 +150,8 @@ fn readme_shows_the_diagram_that_is_built() {
     let block = fences.nth(1).expect("a fenced block between them");
     let shown = block.split_once('\n').map_or("", |(_, text)| text);
     let printed = Lab::new().hilare(&["diagram"]).expect_code(0).stdout;
-    assert_eq!(shown, printed, "README's diagram is not `hilare diagram`; paste its output between the marks");
+    assert_eq!(
+        shown, printed,
+        "README's diagram is not `hilare diagram`; paste its output between the marks"
+    );
 }

@@ -58,7 +58,12 @@ fn no_burst(rows: &[(u64, [f64; 2])]) {
             for wheel in 0..2 {
                 let steps = to.1[wheel] - from.1[wheel];
                 let most = (STRIDE * window as u64) as f64 * STEPS_A_TICK + 1.0;
-                assert!(steps.abs() <= most, "{steps} steps of wheel {wheel} from tick {} to {}", from.0, to.0);
+                assert!(
+                    steps.abs() <= most,
+                    "{steps} steps of wheel {wheel} from tick {} to {}",
+                    from.0,
+                    to.0
+                );
             }
         }
     }
@@ -111,7 +116,12 @@ fn a_minute_beside_a_load_on_every_core() {
     println!("{summary:#}");
     assert_eq!(summary["reached"], true);
     pauses_are_counted(&summary);
-    assert_eq!(ended.stdout.contains("pauses    none"), number(&summary, "ticks_late") == 0.0, "{}", ended.stdout);
+    assert_eq!(
+        ended.stdout.contains("pauses    none"),
+        number(&summary, "ticks_late") == 0.0,
+        "{}",
+        ended.stdout
+    );
 
     let rows = steps_of(&report.join("trace.csv"));
     no_burst(&rows);

@@ -10,12 +10,14 @@
 mod support;
 
 use serde_json::Value;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use support::random::Random;
 use support::{Lab, Running, number, skip};
 
 type Path2 = Vec<(f64, f64)>;
+type Generator = fn(&mut Random) -> Path2;
 
 const PATHS: usize = 40;
 /// Paths that may need a nudge; at one in 150, three of 40 have a probability of 0.2 %.
@@ -30,8 +32,8 @@ fn zigzag(random: &mut Random) -> Path2 {
 fn star(random: &mut Random) -> Path2 {
     let points = [5, 7, 9][random.whole(0, 2) as usize];
     let skip = random.whole(2, points / 2);
-    let (radius, start) = (random.real(0.1, 0.3), random.real(0.0, 6.28));
-    let angle = |i: u64| start + std::f64::consts::TAU * (skip * i) as f64 / points as f64;
+    let (radius, start) = (random.real(0.1, 0.3), random.real(0.0, TAU));
+    let angle = |i: u64| start + TAU * (skip * i) as f64 / points as f64;
     (0..=points).map(|i| (radius * angle(i).cos(), radius * angle(i).sin())).collect()
 }
 
@@ -42,7 +44,7 @@ fn self_crossing(random: &mut Random) -> Path2 {
 
 /// There and back, all but on the same line.
 fn reversing(random: &mut Random) -> Path2 {
-    let heading = random.real(0.0, 6.28);
+    let heading = random.real(0.0, TAU);
     let mut path = vec![(0.0, 0.0)];
     for leg in 0..random.whole(2, 5) {
         let (x, y) = path[path.len() - 1];
@@ -63,7 +65,7 @@ fn tight_spiral(random: &mut Random) -> Path2 {
     if random.whole(0, 1) == 0 { outward.collect() } else { outward.rev().collect() }
 }
 
-const KINDS: [(&str, fn(&mut Random) -> Path2); 5] = [
+const KINDS: [(&str, Generator); 5] = [
     ("zigzag", zigzag),
     ("star", star),
     ("self-crossing", self_crossing),

@@ -1,11 +1,12 @@
 //! `hilare doctor`: what this machine allows, each finding with its cure.
 
 use super::{VerbResult, print};
-use crate::manager::robot_dir::{SHM_NEEDED, base_dir, living_robots};
+use crate::manager::robot_dir::{SHM_NEEDED, SOCKET_PATH_MAX, base_dir, living_robots, socket_path};
 use clap::Args;
 use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
 use std::fs;
+use std::os::unix::net::UnixListener;
 use std::process::ExitCode;
 
 /// Options of `hilare doctor`.
@@ -53,6 +54,7 @@ pub fn doctor(args: &DoctorArgs) -> VerbResult {
         shared_memory(),
         cores(),
         runtime_dir(),
+        ports(),
         leftovers(),
         robots(),
     ];
@@ -170,6 +172,26 @@ fn runtime_dir() -> Finding {
             format!("{}: {error}", base.display()),
             "set HILARE_RUNTIME_DIR to a directory you own",
         ),
+    }
+}
+
+/// The control socket's path must fit into a socket address, and binding must work.
+fn ports() -> Finding {
+    // The longest name a robot can have.
+    let longest = socket_path(&"r".repeat(32));
+    let length = longest.as_os_str().len();
+    let cure = "set HILARE_RUNTIME_DIR to a shorter path on a local file system";
+    if length > SOCKET_PATH_MAX {
+        let found =
+            format!("control sockets need paths of up to {length} bytes, {SOCKET_PATH_MAX} are possible");
+        return finding("ports", Verdict::Bad, found, cure);
+    }
+    let probe = base_dir().join(format!(".doctor-{}.sock", std::process::id()));
+    let bound = UnixListener::bind(&probe);
+    let _ = fs::remove_file(&probe);
+    match bound {
+        Ok(_) => finding("ports", Verdict::Good, "control sockets can be bound; no network port is used", ""),
+        Err(error) => finding("ports", Verdict::Bad, format!("{}: {error}", probe.display()), cure),
     }
 }
 

@@ -15,6 +15,9 @@ use std::path::{Path, PathBuf};
 /// Free bytes in /dev/shm below which a start is refused: a full tmpfs kills whoever touches it.
 pub const SHM_NEEDED: u64 = 32 << 20;
 
+/// Bytes a socket address has for a path, its final zero apart.
+pub const SOCKET_PATH_MAX: usize = 107;
+
 /// Why a robot could not be claimed: one line with the cure.
 #[derive(Debug)]
 pub struct ClaimError(String);
@@ -87,6 +90,12 @@ impl RobotDir {
     pub fn claim(robot: &str) -> Result<Self, ClaimError> {
         check_shm()?;
         let base = base_dir();
+        if socket_path(robot).as_os_str().len() > SOCKET_PATH_MAX {
+            return Err(ClaimError(format!(
+                "{}: too long for a control socket; set HILARE_RUNTIME_DIR to a shorter path",
+                base.display()
+            )));
+        }
         make_private(&base)?;
         let lock_path = base.join(format!("{robot}.lock"));
         let lock = take_lock(&lock_path, robot)?;
