@@ -9,8 +9,8 @@ use hilare_interfaces::block::Block;
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Command, GoalHeader, GoalKind, HealthState, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
-    text_field,
+    Answer, Command, GoalHeader, GoalKind, HealthState, MAX_WAYPOINTS, PathHeader, Pose, Reference, Steps,
+    Truth, Waypoint, text_field,
 };
 use hilare_interfaces::wires;
 use hilare_plant::StepperDrive;
@@ -91,7 +91,7 @@ impl SelectorProcess {
             reference: worker.domain.output(&wires::REFERENCE)?,
             period_ticks: worker.system.timing.period_ticks,
             waiting: None,
-            waiting_points: Vec::new(),
+            waiting_points: Vec::with_capacity(MAX_WAYPOINTS),
             report: Report::default(),
         })
     }
