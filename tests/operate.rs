@@ -159,7 +159,10 @@ fn the_terminal_shows_what_the_log_holds() {
     let mut command = lab.command(&["up", "--robot", &robot, "--log", "robot.log"]);
     command.env("HILARE_LOG", "trace");
     let launch = Running::start(command);
-    let status = lab.await_status(&robot, "it is up", |status| status["processes"][0]["state"] != "starting");
+    // While it starts, a death is the end of the start.
+    let status = lab.await_status(&robot, "it is up", |status| {
+        status["processes"].as_array().is_some_and(|all| all.iter().all(|one| one["state"] == "ready"))
+    });
     // Nothing a worker can put in words: launch says it, by the worker's name.
     support::process::signal(pid_of(&status, "planner"), rustix::process::Signal::ABORT);
     lab.await_status(&robot, "the planner is back", |status| {
