@@ -2,9 +2,11 @@
 
 use super::{VerbResult, print};
 use crate::manager::robot_dir::{SHM_NEEDED, SOCKET_PATH_MAX, base_dir, living_robots, socket_path};
+use crate::shell::transport::shm_prefix;
 use clap::Args;
 use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::net::UnixListener;
 use std::process::ExitCode;
@@ -195,32 +197,37 @@ fn ports() -> Finding {
     }
 }
 
-/// Files in /dev/shm whose robot is not alive.
+/// Files of this user in /dev/shm whose robot is not alive.
 fn leftovers() -> Finding {
     let living = living_robots();
     let Ok(entries) = fs::read_dir("/dev/shm") else {
         return finding("leftovers", Verdict::Warning, "/dev/shm is not readable", "mount a tmpfs there");
     };
-    let dead = entries
-        .flatten()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|name| name.starts_with("hilare_"))
-        .filter(|name| {
-            !living.iter().any(|(robot, _)| name.starts_with(&crate::shell::transport::shm_prefix(robot)))
-        })
-        .count();
-    let verdict = if dead == 0 { Verdict::Good } else { Verdict::Warning };
-    finding(
-        "leftovers",
-        verdict,
-        format!("{dead} files of robots that are not up"),
-        "the next launch of the robot removes them; or rm /dev/shm/hilare_*",
-    )
+    let all = shm_prefix("");
+    let ours = all.trim_end_matches('.');
+    let mut dead: BTreeMap<String, usize> = BTreeMap::new();
+    for name in entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()) {
+        let Some((robot, _)) =
+            name.strip_prefix(ours).and_then(|rest| rest.strip_prefix('.')?.split_once('.'))
+        else {
+            continue;
+        };
+        if !living.iter().any(|living| living.robot == robot) {
+            *dead.entry(robot.to_owned()).or_default() += 1;
+        }
+    }
+    if dead.is_empty() {
+        return finding("leftovers", Verdict::Good, "none", "");
+    }
+    let found: Vec<String> = dead.iter().map(|(robot, files)| format!("{files} files of {robot}")).collect();
+    let cure: Vec<String> = dead.keys().map(|robot| format!("rm /dev/shm/{}*", shm_prefix(robot))).collect();
+    let cure = format!("the next launch of that robot removes them; or {}", cure.join("; "));
+    finding("leftovers", Verdict::Warning, format!("{}, which is not up", found.join(", ")), cure)
 }
 
 fn robots() -> Finding {
-    let living = living_robots();
-    let names: Vec<String> = living.iter().map(|(name, pid)| format!("{name} (pid {pid})")).collect();
+    let names: Vec<String> =
+        living_robots().iter().map(|living| format!("{} (pid {})", living.robot, living.pid)).collect();
     let found = if names.is_empty() { "none up".to_owned() } else { names.join(", ") };
     finding("robots", Verdict::Good, found, "")
 }

@@ -120,7 +120,9 @@ pub fn main() -> ExitCode {
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
         Some(Verb::Completions { shell }) => {
-            clap_complete::generate(shell, &mut Cli::command(), "hilare", &mut io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "hilare", &mut script);
+            print(&String::from_utf8_lossy(&script));
             Ok(ExitCode::SUCCESS)
         }
         Some(Verb::Service(args)) => service::service(&args),
@@ -154,11 +156,17 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// What a verb comes to.
 type VerbResult = Result<ExitCode, Failure>;
 
-/// Prints to standard output; a reader that went away is no fault of ours.
+/// Prints to standard output. A reader that went away is no fault of ours; a full disk is one, and
+/// whoever waits for the output must not take it for complete.
 fn print(text: &str) {
     let mut out = io::stdout().lock();
-    let _ = out.write_all(text.as_bytes());
-    let _ = out.flush();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            let _ = writeln!(io::stderr(), "hilare: standard output: {error}");
+            std::process::exit(1);
+        }
+        _ => {}
+    }
 }
 
 fn refused(error: impl std::fmt::Display) -> Failure {

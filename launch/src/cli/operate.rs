@@ -2,7 +2,7 @@
 
 use super::{VerbResult, print, refused};
 use crate::manager::control::{Request, Response, ask};
-use crate::manager::robot_dir::{living_robots, socket_path};
+use crate::manager::robot_dir::{Living, living_robots, log_path};
 use crate::manager::{Failure, status::Status};
 use clap::Args;
 use std::fs::File;
@@ -40,33 +40,36 @@ pub struct GoalArgs {
     /// World y, metres
     #[arg(value_name = "Y", allow_negative_numbers = true)]
     y_m: f64,
-    /// Final heading, radians
+    /// Final heading, radians; no planner promises one yet, so it is refused
     #[arg(value_name = "THETA", allow_negative_numbers = true)]
     theta_rad: Option<f64>,
     #[command(flatten)]
     robot: RobotArgs,
 }
 
-fn choose(robot: Option<&String>) -> Result<String, Failure> {
+fn choose(robot: Option<&String>) -> Result<Living, Failure> {
     let living = living_robots();
-    let names = || living.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let names = living.iter().map(|living| living.robot.as_str()).collect::<Vec<_>>().join(", ");
     match (robot, &living[..]) {
-        (Some(robot), _) if living.iter().any(|(name, _)| name == robot) => Ok(robot.clone()),
-        (Some(robot), []) => {
-            Err(refused(format!("robot {robot:?} is not up; hilare up SYSTEM --robot {robot}")))
-        }
-        (Some(robot), _) => Err(refused(format!("robot {robot:?} is not up; up are: {}", names()))),
-        (None, [(only, _)]) => Ok(only.clone()),
+        (Some(robot), _) => living.iter().find(|living| living.robot == *robot).cloned().ok_or_else(|| {
+            let others = if names.is_empty() { String::new() } else { format!("; up are: {names}") };
+            refused(format!("robot {robot:?} is not up{}{others}", last_log(robot)))
+        }),
+        (None, [only]) => Ok(only.clone()),
         (None, []) => Err(refused("no robot is up; hilare up SYSTEM")),
-        (None, _) => {
-            Err(refused(format!("several robots are up ({}); say which with --robot NAME", names())))
-        }
+        (None, _) => Err(refused(format!("several robots are up ({names}); say which with --robot NAME"))),
     }
 }
 
-fn send(robot: &str, request: &Request) -> Result<Response, Failure> {
-    ask(&socket_path(robot), request)
-        .map_err(|error| Failure::Fault(format!("robot {robot:?} does not answer: {error}")))
+/// Where a robot that was up in the background left its reasons.
+fn last_log(robot: &str) -> String {
+    let log = log_path(robot);
+    if log.is_file() { format!(" (its last log: {})", log.display()) } else { String::new() }
+}
+
+fn send(living: &Living, request: &Request) -> Result<Response, Failure> {
+    ask(&living.socket, request)
+        .map_err(|error| Failure::Fault(format!("robot {:?} does not answer: {error}", living.robot)))
 }
 
 fn show(response: &Response, json: bool) -> VerbResult {
@@ -107,13 +110,16 @@ pub fn down(args: &RobotArgs) -> VerbResult {
     let robot = choose(args.robot.as_ref())?;
     let response = send(&robot, &Request::Down)?;
     let deadline = Instant::now() + Duration::from_secs(10);
-    while living_robots().iter().any(|(name, _)| *name == robot) {
+    while living_robots().iter().any(|living| living.robot == robot.robot) {
         if Instant::now() > deadline {
-            return Err(Failure::Fault(format!("robot {robot:?} did not end within 10 s")));
+            return Err(Failure::Fault(format!("robot {:?} did not end within 10 s", robot.robot)));
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    show(&Response::done(if response.ok { format!("{robot} is down") } else { response.message }), args.json)
+    show(
+        &Response::done(if response.ok { format!("{} is down", robot.robot) } else { response.message }),
+        args.json,
+    )
 }
 
 /// `hilare follow`: the file is checked here, so that its own line numbers can be named.

@@ -54,7 +54,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     clock: ClockKind,
     /// Seed of the simulated slip and start error
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<u64>,
     /// Set a key of the system file, e.g. plant.slip_mean=0.03 (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
@@ -118,6 +118,12 @@ struct End {
 }
 
 fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
+    if args.scenario.ends_with(".csv") {
+        return Err(refused(format!(
+            "{0}: waypoint files go with --path: hilare run --path {0}",
+            args.scenario
+        )));
+    }
     let mut scenario = Scenario::load(&args.scenario).map_err(refused)?;
     if let Some(path) = &args.path {
         scenario = scenario.with_path(path).map_err(refused)?;
@@ -162,6 +168,12 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
     };
     let failed =
         |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
+    if dir.join("summary.json").exists() {
+        return Err(refused(format!(
+            "--out {}: holds a report already; choose another directory",
+            dir.display()
+        )));
+    }
     fs::create_dir_all(&dir).map_err(failed)?;
     let probe = dir.join(".hilare-probe");
     fs::write(&probe, b"").and_then(|()| fs::remove_file(&probe)).map_err(failed)?;

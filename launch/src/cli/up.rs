@@ -4,7 +4,7 @@ use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
 use crate::manager::control::{Request, ask};
-use crate::manager::robot_dir::socket_path;
+use crate::manager::robot_dir::{log_path, socket_path};
 use crate::manager::{Failure, Job, Manager};
 use crate::shell::ClockKind;
 use clap::Args;
@@ -14,7 +14,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
-use tracing::{Level, info};
+use tracing::{Level, error, info};
 
 /// Options of `hilare up`.
 #[derive(Args)]
@@ -70,7 +70,10 @@ pub fn up(args: &UpArgs) -> VerbResult {
     }
     let outcome = manager.end();
     match outcome.fault {
-        Some(fault) => Err(Failure::Fault(fault)),
+        Some(fault) => {
+            error!("{robot} ended: {fault}");
+            Err(Failure::Fault(fault))
+        }
         None => Ok(ExitCode::SUCCESS),
     }
 }
@@ -89,9 +92,9 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
             command.arg(format!("{flag}={value}"));
         }
     }
-    if let Some(file) = &args.log {
-        command.arg("--log").arg(file);
-    }
+    // Nobody watches a robot in the background: its reasons must be somewhere.
+    let log = args.log.clone().unwrap_or_else(|| log_path(robot));
+    command.arg("--log").arg(&log);
     let mut child = command
         .process_group(0)
         .current_dir(std::env::current_dir().map_err(fault)?)
@@ -113,7 +116,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
                 format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
             } else {
                 let next = "next: hilare arm, hilare follow FILE.csv";
-                format!("{robot} is up, launch has pid {}; {next}\n", child.id())
+                format!("{robot} is up, launch has pid {}, log {}; {next}\n", child.id(), log.display())
             };
             print(&text);
             return Ok(ExitCode::SUCCESS);

@@ -19,10 +19,17 @@ impl Manager {
                 Ok(()) => Response::done("armed"),
                 Err(why) => Response::refused(why),
             },
-            Request::Stop => match self.set_mode(Mode::Stop) {
-                Ok(()) => Response::done("stopping; hilare arm lets it go on"),
-                Err(why) => Response::refused(why),
-            },
+            Request::Stop => {
+                let was = Mode::from_code(self.authority.mode);
+                match (self.set_mode(Mode::Stop), was) {
+                    (Err(why), _) => Response::refused(why),
+                    (Ok(()), Some(Mode::EStop)) => {
+                        Response::done("the emergency stop is on already (hilare reset releases it)")
+                    }
+                    (Ok(()), Some(Mode::Armed)) => Response::done("stopping; hilare arm lets it go on"),
+                    (Ok(()), _) => Response::done("it is not armed; hilare arm lets it drive"),
+                }
+            }
             Request::Estop => {
                 let _ = self.set_mode(Mode::EStop);
                 Response::done("emergency stop; hilare reset releases it")

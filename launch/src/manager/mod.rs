@@ -287,7 +287,7 @@ impl Manager {
             (Mode::EStop, Mode::Armed) => {
                 return Err("the emergency stop is on; hilare reset first".to_owned());
             }
-            (Mode::EStop, Mode::Stop) => return Ok(()),
+            (Mode::EStop | Mode::Disarmed, Mode::Stop) => return Ok(()),
             (_, Mode::Armed) if self.fault.is_some() => {
                 return Err(format!("fault: {}; hilare down, then up", self.fault.as_deref().unwrap_or("")));
             }

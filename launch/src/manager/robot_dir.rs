@@ -1,8 +1,8 @@
 //! A robot's runtime directory: who it belongs to, where its socket is, nothing left behind.
 //!
-//! One robot name, one launch: a lock file holds the pid of the launch in charge. The directory and
-//! the robot's files in /dev/shm are wiped when a launch takes the lock (nothing of this robot is
-//! alive then) and when it lets go.
+//! One robot name, one launch: a lock file in /dev/shm, where the robot's shared memory is, holds the pid
+//! of the launch in charge and its directory. The directory and the robot's files in /dev/shm are wiped
+//! when a launch takes the lock (nothing of this robot is alive then) and when it lets go.
 
 use crate::shell::transport::shm_prefix;
 use rustix::fs::{FlockOperation, Mode, flock, statvfs};
@@ -14,6 +14,13 @@ use std::path::{Path, PathBuf};
 
 /// Free bytes in /dev/shm below which a start is refused: a full tmpfs kills whoever touches it.
 pub const SHM_NEEDED: u64 = 32 << 20;
+
+/// Where shared memory lies.
+const SHM: &str = "/dev/shm";
+/// End of a lock's name.
+const LOCK: &str = "-lock";
+/// Name of the control socket in a robot's directory.
+pub const SOCKET: &str = "control.sock";
 
 /// Bytes a socket address has for a path, its final zero apart.
 pub const SOCKET_PATH_MAX: usize = 107;
@@ -41,34 +48,62 @@ pub fn base_dir() -> PathBuf {
     }
 }
 
-/// A robot's control socket.
-pub fn socket_path(robot: &str) -> PathBuf {
-    base_dir().join(robot).join("control.sock")
+/// A robot whose launch is alive.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Living {
+    /// Its name.
+    pub robot: String,
+    /// Process id of its launch.
+    pub pid: i32,
+    /// Its control socket.
+    pub socket: PathBuf,
 }
 
-/// Robots of this user that a living launch holds, with its pid.
-pub fn living_robots() -> Vec<(String, i32)> {
-    let Ok(entries) = fs::read_dir(base_dir()) else { return Vec::new() };
-    let mut robots: Vec<(String, i32)> = entries
+/// A robot's control socket within the directories of this process's environment.
+pub fn socket_path(robot: &str) -> PathBuf {
+    base_dir().join(robot).join(SOCKET)
+}
+
+/// Log of a robot that was brought up in the background.
+pub fn log_path(robot: &str) -> PathBuf {
+    base_dir().join(format!("{robot}.log"))
+}
+
+/// Robots of this user that a living launch holds, whatever its environment was.
+pub fn living_robots() -> Vec<Living> {
+    let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
+    let head = shm_prefix("");
+    let head = head.trim_end_matches('.');
+    let mut robots: Vec<Living> = entries
         .flatten()
         .filter_map(|entry| {
             let name = entry.file_name().into_string().ok()?;
-            let robot = name.strip_suffix(".lock")?.to_owned();
+            let robot = name.strip_prefix(head)?.strip_prefix('.')?.strip_suffix(LOCK)?.to_owned();
+            if robot.contains('.') {
+                return None;
+            }
             let mut file = File::open(entry.path()).ok()?;
             let held = flock(&file, FlockOperation::NonBlockingLockShared).is_err();
-            let mut pid = String::new();
-            file.read_to_string(&mut pid).ok()?;
-            held.then_some((robot, pid.trim().parse().ok()?))
+            let (pid, dir) = read_lock(&mut file)?;
+            held.then(|| Living { robot, pid, socket: Path::new(&dir).join(SOCKET) })
         })
         .collect();
     robots.sort();
     robots
 }
 
+/// Pid and directory of a lock.
+fn read_lock(file: &mut File) -> Option<(i32, String)> {
+    let mut text = String::new();
+    file.read_to_string(&mut text).ok()?;
+    let (pid, dir) = text.trim_end().split_once('\n')?;
+    Some((pid.parse().ok()?, dir.to_owned()))
+}
+
 /// Files of a robot in /dev/shm.
 pub fn shm_files(robot: &str) -> Vec<PathBuf> {
     let prefix = shm_prefix(robot);
-    let Ok(entries) = fs::read_dir("/dev/shm") else { return Vec::new() };
+    let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
     entries
         .flatten()
         .filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix))
@@ -97,9 +132,10 @@ impl RobotDir {
             )));
         }
         make_private(&base)?;
-        let lock_path = base.join(format!("{robot}.lock"));
-        let lock = take_lock(&lock_path, robot)?;
-        let claim = Self { robot: robot.to_owned(), path: base.join(robot), lock_path, _lock: lock };
+        let path = base.join(robot);
+        let lock_path = Path::new(SHM).join(format!("{}{LOCK}", shm_prefix(robot).trim_end_matches('.')));
+        let lock = take_lock(&lock_path, robot, &path)?;
+        let claim = Self { robot: robot.to_owned(), path, lock_path, _lock: lock };
         claim.wipe();
         make_private(&claim.path)?;
         Ok(claim)
@@ -164,7 +200,7 @@ fn make_private(dir: &Path) -> Result<(), ClaimError> {
     Ok(())
 }
 
-fn take_lock(path: &Path, robot: &str) -> Result<File, ClaimError> {
+fn take_lock(path: &Path, robot: &str, dir: &Path) -> Result<File, ClaimError> {
     let failed = |error: io::Error| ClaimError(format!("{}: {error}", path.display()));
     loop {
         let mut file = OpenOptions::new()
@@ -176,12 +212,10 @@ fn take_lock(path: &Path, robot: &str) -> Result<File, ClaimError> {
             .open(path)
             .map_err(failed)?;
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-            let mut pid = String::new();
-            let _ = file.read_to_string(&mut pid);
+            let pid = read_lock(&mut file).map_or_else(|| "?".to_owned(), |(pid, _)| pid.to_string());
             return Err(ClaimError(format!(
-                "robot {robot:?} is already up, launch has pid {}; stop it (hilare down --robot {robot}) or choose \
-                 another name (--robot NAME)",
-                pid.trim()
+                "robot {robot:?} is already up, launch has pid {pid}; stop it (hilare down --robot {robot}) or choose \
+                 another name (--robot NAME)"
             )));
         }
         // The file may have been removed between open and lock by the launch that held it.
@@ -193,7 +227,7 @@ fn take_lock(path: &Path, robot: &str) -> Result<File, ClaimError> {
         let write = file
             .set_len(0)
             .and_then(|()| file.rewind())
-            .and_then(|()| writeln!(file, "{}", std::process::id()));
+            .and_then(|()| writeln!(file, "{}\n{}", std::process::id(), dir.display()));
         write.map_err(failed)?;
         return Ok(file);
     }

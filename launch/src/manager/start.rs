@@ -3,6 +3,7 @@
 use super::children::{self, Start};
 use super::control;
 use super::member::Member;
+use super::robot_dir::SOCKET;
 use super::{Event, Failure, Job, LAUNCH_PRIORITY, Manager, START_PATIENCE};
 use crate::shell::ClockKind;
 use crate::shell::page::{Phase, SlotState};
@@ -143,7 +144,7 @@ pub(super) fn roles(job: &Job) -> impl Iterator<Item = Role> + use<> {
 pub(super) fn listen(dir: &Path, sender: &Sender<Event>) -> Result<(), Failure> {
     let fault = |what: &str, error: std::io::Error| Failure::Fault(format!("{what}: {error}"));
     let calls = sender.clone();
-    control::listen(&dir.join("control.sock"), move |call| {
+    control::listen(&dir.join(SOCKET), move |call| {
         let _ = calls.send(Event::Call(call));
     })
     .map_err(|error| fault("control socket", error))?;

@@ -65,9 +65,10 @@ pub struct ProcessStatus {
 impl Status {
     /// The status for people.
     pub fn to_text(&self) -> String {
+        let drive = if self.mode == self.drive { String::new() } else { format!(", {}", self.drive) };
         let mut text = format!(
-            "{} ({} clock, launch {}): {}, {}\n",
-            self.robot, self.clock, self.launch_pid, self.mode, self.drive
+            "{} ({} clock, launch {}): {}{drive}\n",
+            self.robot, self.clock, self.launch_pid, self.mode
         );
         if let Some(fault) = &self.fault {
             text.push_str(&format!("  fault     {fault}\n"));

@@ -69,9 +69,10 @@ unsafe impl<T: WireMessage + fmt::Debug> ZeroCopySend for OnWire<T> {
     }
 }
 
-/// Names of a robot's iceoryx2 domain: files in shared memory begin with it.
+/// Beginning of the names of a robot's files in shared memory. Robot names have no dots, so none is
+/// the beginning of another's.
 pub fn shm_prefix(robot: &str) -> String {
-    format!("hilare_{robot}_")
+    format!("hilare.{}.{robot}.", rustix::process::geteuid().as_raw())
 }
 
 /// Launch: writes the domain's configuration into the runtime directory.

@@ -9,6 +9,9 @@
 //! The target pose is the current waypoint with the heading of the segment that ends in it (6).
 //! ω_r is 0: waypoint paths consist of straight segments. The paper's gains are for millimetres;
 //! here k2 is in 1/m² and k3 in 1/m, a factor 10⁶ and 10³ larger.
+//!
+//! Departs from the paper in one point: with the waypoint straight behind, sin θ_e is 0 and v_c
+//! negative, so the paper's robot would stand still for ever; ours turns left.
 
 use crate::{ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
 use alloc::boxed::Box;
@@ -27,6 +30,9 @@ param_group! {
         k3_per_m: f64 = 552.0, "1/m", 0.0, 5000.0;
     }
 }
+
+/// |sin θ_e| below which a waypoint behind is straight behind.
+const HALF_TURN_TIE: f64 = 1e-6;
 
 /// Its line in the registry.
 pub const SPEC: LawSpec = LawSpec {
@@ -58,7 +64,10 @@ impl ControlLaw for Kanayama {
         let segment = Segment::new(reference.last.point(), reference.current.point());
         let target = WorldPose::new(segment.to.x_m, segment.to.y_m, segment.heading_rad());
         let error = BodyError::between(inputs.pose, target);
-        let (sin, cos) = libm::sincos(error.theta_rad);
+        let (mut sin, cos) = libm::sincos(error.theta_rad);
+        if cos < 0.0 && sin.abs() < HALF_TURN_TIE {
+            sin = 1.0;
+        }
         let v_r = reference.speed_mps;
         // [MH18] (7)
         let vx_mps = v_r * cos + self.gains.k1_per_s * error.x_m;

@@ -121,3 +121,11 @@ fn the_published_equations_by_hand() {
     assert!((twist.vx_mps * 1e3 - (40.0 + 0.0247 * 100.0)).abs() < 1e-9);
     assert!((twist.omega_radps - 40.0 * (2.9671 * -10.0)).abs() < 1e-6);
 }
+
+#[test]
+fn a_waypoint_straight_behind_is_turned_to() {
+    for (name, mut law) in every_law() {
+        let twist = answer(&mut *law, WorldPose::new(0.0, 0.0, 0.0), (0.0, 0.0), (-0.3, 0.0));
+        assert!(twist.omega_radps.abs() > 0.1, "{name}: {twist:?}");
+    }
+}
