@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
-use support::{Lab, number, quick, text};
+use support::{Lab, number, quick};
 
 /// Ticks between two rows of the trace.
 const STRIDE: u64 = 5;
@@ -132,13 +132,13 @@ fn a_minute_beside_a_load_on_every_core() {
         let recorded = last.1[wheel];
         assert!((counted - recorded).abs() <= most, "wheel {wheel}: {counted} counted, {recorded} recorded");
     }
-    if number(&summary, "commands_late") == 0.0 {
+    // Late commands, or a lease of launch that ran out: the robot acted otherwise, and the verdict says so.
+    let confesses = ended.stdout.contains("not expected to be the simulation's");
+    assert!(confesses || number(&summary, "commands_late") == 0.0, "{}", ended.stdout);
+    if !confesses {
         for key in ["ticks", "steps", "state_hash", "final_pose", "cross_track_mean_m"] {
             assert_eq!(summary[key], simulated[key], "{key}: not the simulation's");
         }
-    } else {
-        assert!(ended.stdout.contains("late commands acted when they came"), "{}", ended.stdout);
-        assert_ne!(text(&summary, "state_hash"), "", "it says so, and goes on");
     }
     lab.assert_nothing_left("a run beside a load");
 }

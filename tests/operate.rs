@@ -96,9 +96,22 @@ fn a_working_day() {
     for worker in WORKERS {
         assert!(shown.contains(worker), "{shown}");
     }
+    let granted = robot.status();
     assert!(robot.tell(&["down"]).contains("is down"));
     lab.assert_nothing_left("down");
-    the_log_is_merged(&std::fs::read_to_string(lab.dir().join("robot.log")).expect("the log"));
+    let log = std::fs::read_to_string(lab.dir().join("robot.log")).expect("the log");
+    the_log_is_merged(&log);
+    what_was_granted_is_not_called_refused(&granted, &log);
+}
+
+/// The status and the log speak of the same kernel.
+fn what_was_granted_is_not_called_refused(status: &Value, log: &str) {
+    let processes = status["processes"].as_array().expect("processes");
+    for process in processes.iter().filter(|process| text(process, "granted").contains("fifo")) {
+        let refused =
+            log.lines().find(|line| line.contains("refused") && line.contains(text(process, "name")));
+        assert!(refused.is_none(), "{process}\n{refused:?}");
+    }
 }
 
 /// `stop` ramps, stays, and `arm` goes on along the same path.
@@ -160,9 +173,9 @@ fn the_terminal_shows_what_the_log_holds() {
     command.env("HILARE_LOG", "trace");
     let launch = Running::start(command);
     // While it starts, a death is the end of the start.
-    let status = lab.await_status(&robot, "it is up", |status| {
-        status["processes"].as_array().is_some_and(|all| all.iter().all(|one| one["state"] == "ready"))
-    });
+    let log = || std::fs::read_to_string(lab.dir().join("robot.log")).unwrap_or_default();
+    support::wait_until("the robot is up", || log().contains(" is up"));
+    let status = lab.status(&robot).expect("it is up");
     // Nothing a worker can put in words: launch says it, by the worker's name.
     support::process::signal(pid_of(&status, "planner"), rustix::process::Signal::ABORT);
     lab.await_status(&robot, "the planner is back", |status| {
@@ -170,8 +183,7 @@ fn the_terminal_shows_what_the_log_holds() {
     });
     lab.hilare(&["down", "--robot", &robot]).expect_code(0);
     let ended = launch.wait(support::PATIENCE).expect_code(0);
-    let log = std::fs::read_to_string(lab.dir().join("robot.log")).expect("the log");
-    assert!(log.contains("WARN  launch: planner was killed by signal 6"), "{log}");
+    assert!(log().contains("WARN  launch: planner was killed by signal 6"), "{}", log());
     // In the foreground the terminal shows what the file holds.
     assert!(ended.stderr.contains("planner was killed by signal 6"), "{ended:#?}");
     lab.assert_nothing_left("down");
