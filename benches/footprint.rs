@@ -4,6 +4,7 @@
 #![allow(missing_docs)]
 
 use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -38,16 +39,14 @@ fn main() {
         total.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }
     print_row("together", total);
-    let prefix = format!("hilare_{robot}_");
+    let prefix = hilare::shell::transport::shm_prefix(&robot);
     let (mut files, mut apparent, mut used) = (0, 0, 0);
     for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        let Ok(meta) = entry.metadata() else { continue };
         if entry.file_name().to_string_lossy().starts_with(&prefix) {
-            if let Ok(meta) = entry.metadata() {
-                use std::os::unix::fs::MetadataExt;
-                files += 1;
-                apparent += meta.len();
-                used += meta.blocks() * 512;
-            }
+            files += 1;
+            apparent += meta.len();
+            used += meta.blocks() * 512;
         }
     }
     let mega = |bytes: u64| bytes as f64 / f64::from(1 << 20);

@@ -214,8 +214,12 @@ fn a_launch_that_stands_still_stops_the_robot_for_as_long_and_the_verdict_says_s
     let simulated: serde_json::Value = serde_json::from_str(&simulated.expect_code(0).stdout).expect("JSON");
     let summary = lab.summary(&report(&lab));
     assert!(number(&summary, "ticks") > number(&simulated, "ticks") + 50.0, "it stopped: {summary}");
-    // Straight on, and on the same steps: waiting costs time, not the way.
-    assert_eq!(summary["steps"], simulated["steps"]);
+    // Straight on: waiting costs time, not the way. Arrival is looked for every fifth tick, and the stop
+    // has shifted the pulses against those ticks, so a step more or less may be under way then.
+    for wheel in 0..2 {
+        let of = |summary: &serde_json::Value| summary["steps"][wheel].as_i64().expect("steps");
+        assert!((of(&summary) - of(&simulated)).abs() <= 2, "{summary} {simulated}");
+    }
     let says_so = ended.stdout.contains("not expected to be the simulation's");
     assert!(says_so, "its hash is another one and nothing says why:\n{}", ended.stdout);
 }

@@ -149,7 +149,7 @@ wire_message! {
         commands_late: u64,
         /// Commands refused: invalid, of the wrong source or epoch, old.
         commands_rejected: u64,
-        /// Control cycles that had no command of their own.
+        /// Control cycles in which no command of their own acted.
         cycles_without_command: u64,
         /// Wake-ups a tick or more late.
         ticks_late: u64,

@@ -197,7 +197,7 @@ pub const AUTHORITY: Wire = Wire {
     layout_hash: Authority::LAYOUT_HASH,
     from: &[Role::Launch],
     to: &[polls(Role::StepGenerator)],
-    rate: Rate::Hertz(20),
+    rate: Rate::Hertz(50),
     buffer: 8,
     history: 1,
     doc: "which source and epoch, armed / stop / e-stop; launch's lease",
@@ -291,6 +291,8 @@ impl Wire {
 /// clock (step generator) last, so that the first tick finds everybody listening. Derived from the
 /// table: of the boxes left, next is the one with the fewest readers not yet started.
 pub fn start_order() -> [Role; Role::WORKERS.len()] {
+    // Launch is there before all others, the clock comes after them.
+    let outside = [Role::Launch, Role::StepGenerator];
     let mut order = Role::WORKERS;
     for done in 0..order.len() {
         let (started, left) = order.split_at_mut(done);
@@ -300,7 +302,7 @@ pub fn start_order() -> [Role; Role::WORKERS.len()] {
                 .filter(|wire| wire.written_by(role))
                 .flat_map(|wire| wire.to)
                 .filter(|reader| {
-                    reader.wakes && reader.role != Role::Launch && !started.contains(&reader.role)
+                    reader.wakes && !outside.contains(&reader.role) && !started.contains(&reader.role)
                 })
                 .count()
         };

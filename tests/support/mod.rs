@@ -128,10 +128,11 @@ impl Lab {
 
     /// Files of this laboratory's robots in /dev/shm.
     pub fn shm_files(&self) -> Vec<PathBuf> {
-        let prefix = format!("hilare_{}", self.name);
+        // hilare.UID.ROBOT…, locks included
+        let mark = format!(".{}", self.name);
         entries(Path::new("/dev/shm"))
             .into_iter()
-            .filter(|path| file_name(path).starts_with(&prefix))
+            .filter(|path| file_name(path).starts_with("hilare.") && file_name(path).contains(&mark))
             .collect()
     }
 

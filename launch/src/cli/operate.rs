@@ -52,8 +52,12 @@ fn choose(robot: Option<&String>) -> Result<Living, Failure> {
     let names = living.iter().map(|living| living.robot.as_str()).collect::<Vec<_>>().join(", ");
     match (robot, &living[..]) {
         (Some(robot), _) => living.iter().find(|living| living.robot == *robot).cloned().ok_or_else(|| {
-            let others = if names.is_empty() { String::new() } else { format!("; up are: {names}") };
-            refused(format!("robot {robot:?} is not up{}{others}", last_log(robot)))
+            let hint = if names.is_empty() {
+                format!("hilare up SYSTEM --robot {robot}")
+            } else {
+                format!("up are: {names}")
+            };
+            refused(format!("robot {robot:?} is not up{}; {hint}", last_log(robot)))
         }),
         (None, [only]) => Ok(only.clone()),
         (None, []) => Err(refused("no robot is up; hilare up SYSTEM")),

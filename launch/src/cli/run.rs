@@ -1,9 +1,9 @@
 //! `hilare run` and `hilare demo`.
 
 use super::{VerbResult, print, refused};
-use crate::config::Scenario;
+use crate::config::{Scenario, System};
 use crate::logging::{self, LogSink};
-use crate::manager::{Failure, Job, Manager};
+use crate::manager::{Claim, Failure, Job, Manager};
 use crate::report::{Counters, PlotInput, PublishedRow, RunIdentity, Summary, verdict_text, write_report};
 use crate::shell::ClockKind;
 use crate::shell::in_process::InProcess;
@@ -11,7 +11,7 @@ use crate::shell::observer::Handover;
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{Mode, Steps};
+use hilare_interfaces::messages::Mode;
 use hilare_recorder::trace::TraceRow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fs;
@@ -19,7 +19,7 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
-use tracing::Level;
+use tracing::{Level, warn};
 
 /// Options of `hilare demo`.
 #[derive(Args, Default)]
@@ -39,8 +39,8 @@ pub struct DemoArgs {
 #[derive(Args)]
 pub struct RunArgs {
     /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so]
-    #[arg(value_name = "SCENARIO", default_value = "rectangle", required_unless_present = "path")]
-    scenario: String,
+    #[arg(value_name = "SCENARIO", required_unless_present = "path")]
+    scenario: Option<String>,
     /// Follow these waypoints instead (CSV, header x,y, metres), starting on the first, heading 0
     #[arg(long, value_name = "FILE.csv")]
     path: Option<PathBuf>,
@@ -62,7 +62,7 @@ pub struct RunArgs {
     /// Name the robot runs under
     #[arg(long, value_name = "NAME")]
     robot: Option<String>,
-    /// Directory for the report [default: runs/SCENARIO-LAW-CLOCK-N]
+    /// Directory for the report; one that is there is replaced [default: runs/SCENARIO-LAW-CLOCK-N]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print summary.json instead of the verdict
@@ -73,7 +73,7 @@ pub struct RunArgs {
 /// The standard job: the closed rectangle, in real time.
 pub fn demo(args: &DemoArgs) -> VerbResult {
     run(&RunArgs {
-        scenario: "rectangle".to_owned(),
+        scenario: Some("rectangle".to_owned()),
         path: None,
         start: None,
         controller: None,
@@ -90,17 +90,57 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
 pub fn run(args: &RunArgs) -> VerbResult {
     let scenario = resolve(args)?;
     let out = open_out_dir(args, &scenario)?;
+    let result = run_into(&out, args, &scenario);
+    if let Err(Failure::Refused(_)) = &result {
+        discard(&out);
+    }
+    result
+}
+
+/// A run that never began leaves nothing. What is not empty is not ours.
+fn discard(out: &Path) {
+    for file in [LOG_FILE, SYSTEM_FILE] {
+        let _ = fs::remove_file(out.join(file));
+    }
+    let empty = fs::remove_dir(out).is_ok();
+    if empty && out.starts_with(RUNS) {
+        let _ = fs::remove_dir(RUNS);
+    }
+}
+
+fn run_into(out: &Path, args: &RunArgs, scenario: &Scenario) -> VerbResult {
     let log = LogSink::new(Level::WARN);
     logging::init_launch(&log);
-    log.to_file(&out.join("hilare.log")).map_err(|e| refused(format!("{}: {e}", out.display())))?;
-    fs::write(out.join("system.toml"), scenario.system.to_toml())
-        .map_err(|e| refused(format!("{}: {e}", out.display())))?;
-    let max_ticks = time_limit(&scenario);
+    let failed = |e: io::Error| refused(format!("{}: {e}", out.display()));
+    log.to_file(&out.join(LOG_FILE)).map_err(failed)?;
+    fs::write(out.join(SYSTEM_FILE), scenario.system.to_toml()).map_err(failed)?;
+    warn_if_endless(scenario);
+    let max_ticks = time_limit(scenario);
     let end = match args.clock {
-        ClockKind::InProcess => run_in_process(&scenario, max_ticks)?,
-        ClockKind::Real | ClockKind::Lockstep => run_processes(args, &scenario, max_ticks, &log)?,
+        ClockKind::InProcess => run_in_process(scenario, max_ticks)?,
+        ClockKind::Real | ClockKind::Lockstep => run_processes(args, scenario, max_ticks, &log)?,
     };
-    report(args, &scenario, &out, end)
+    report(args, scenario, out, end)
+}
+
+/// Directory for reports that were given none.
+const RUNS: &str = "runs";
+const LOG_FILE: &str = "hilare.log";
+const SYSTEM_FILE: &str = "system.toml";
+
+/// A path in millimetres is a drive of hours.
+fn warn_if_endless(scenario: &Scenario) {
+    let (length_m, speed_mps) = (path_length_m(scenario), scenario.system.tracking.speed_mps);
+    let hours = length_m / speed_mps.max(1e-4) / 3600.0;
+    if hours > 1.0 {
+        warn!(
+            "the path is {length_m:.0} m long, {hours:.1} hours at {speed_mps} m/s; are the waypoints in metres?"
+        );
+    }
+}
+
+fn path_length_m(scenario: &Scenario) -> f64 {
+    scenario.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
 }
 
 /// What a run came to.
@@ -108,7 +148,6 @@ struct End {
     handover: Option<Handover>,
     rows: Vec<TraceRow>,
     trace_csv: String,
-    steps: Steps,
     lateness: Quantiles,
     restarts: u64,
     /// Why it ended before it arrived.
@@ -118,26 +157,42 @@ struct End {
 }
 
 fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
-    if args.scenario.ends_with(".csv") {
-        return Err(refused(format!(
-            "{0}: waypoint files go with --path: hilare run --path {0}",
-            args.scenario
-        )));
+    // With --path the scenario only lends its robot.
+    let name = args.scenario.as_deref().unwrap_or("rectangle");
+    if name.ends_with(".csv") {
+        return Err(refused(format!("{name}: waypoint files go with --path: hilare run --path {name}")));
     }
-    let mut scenario = Scenario::load(&args.scenario).map_err(refused)?;
+    let mut scenario = Scenario::load(name).map_err(refused)?;
     if let Some(path) = &args.path {
         scenario = scenario.with_path(path).map_err(refused)?;
         scenario.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     }
-    let mut set = args.set.clone();
-    set.extend(args.controller.iter().map(|law| format!("controller.law={law}")));
-    set.extend(args.seed.iter().map(|seed| format!("plant.seed={seed}")));
-    set.extend(args.robot.iter().map(|robot| format!("robot={robot}")));
-    if let Some(start) = &args.start {
-        set.extend(start_keys(start)?);
+    let system = &mut scenario.system;
+    system.set_all(&args.set).map_err(refused)?;
+    if let Some(law) = &args.controller {
+        set_flag(system, "--controller", law, &[format!("controller.law={law}")])?;
     }
-    scenario.system.set_all(&set).map_err(refused)?;
+    if let Some(seed) = args.seed {
+        set_flag(system, "--seed", &seed.to_string(), &[format!("plant.seed={seed}")])?;
+    }
+    if let Some(robot) = &args.robot {
+        set_flag(system, "--robot", robot, &[format!("robot={robot}")])?;
+    }
+    if let Some(start) = &args.start {
+        set_flag(system, "--start", start, &start_keys(start)?)?;
+    }
     Ok(scenario)
+}
+
+/// Sets keys on behalf of a flag, whose name an error then bears.
+pub(super) fn set_flag(system: &mut System, flag: &str, value: &str, keys: &[String]) -> Result<(), Failure> {
+    system.set_all(keys).map_err(|error| {
+        let error = error.to_string();
+        // The assignment we made of it is nothing the user has written.
+        let what =
+            keys.iter().find_map(|key| error.strip_prefix(&format!("--set {key}: "))).unwrap_or(&error);
+        refused(format!("{flag} {value}: {what}"))
+    })
 }
 
 /// `X,Y,THETA` as assignments to the system's start pose, whose bounds then apply.
@@ -161,19 +216,13 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
             let law = scenario.system.controller.law.name;
             let stem = format!("{}-{law}-{}", scenario.name, args.clock);
             (1..)
-                .map(|n| Path::new("runs").join(format!("{stem}-{n}")))
+                .map(|n| Path::new(RUNS).join(format!("{stem}-{n}")))
                 .find(|dir| !dir.exists())
-                .unwrap_or_else(|| Path::new("runs").join(stem))
+                .unwrap_or_else(|| Path::new(RUNS).join(stem))
         }
     };
     let failed =
         |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
-    if dir.join("summary.json").exists() {
-        return Err(refused(format!(
-            "--out {}: holds a report already; choose another directory",
-            dir.display()
-        )));
-    }
     fs::create_dir_all(&dir).map_err(failed)?;
     let probe = dir.join(".hilare-probe");
     fs::write(&probe, b"").and_then(|()| fs::remove_file(&probe)).map_err(failed)?;
@@ -183,8 +232,7 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
 /// Ticks after which a run that has not arrived is ended: five times what the path takes at the
 /// reference speed, and a minute.
 fn time_limit(scenario: &Scenario) -> Tick {
-    let length: f64 = scenario.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum();
-    let seconds = 60.0 + 5.0 * length / scenario.system.tracking.speed_mps.max(1e-4);
+    let seconds = 60.0 + 5.0 * path_length_m(scenario) / scenario.system.tracking.speed_mps.max(1e-4);
     (seconds.min(1e7) as Tick) * TICKS_PER_SECOND
 }
 
@@ -196,7 +244,6 @@ fn run_in_process(scenario: &Scenario, max_ticks: Tick) -> Result<End, Failure> 
     Ok(End {
         stopped_by: (!system.arrived()).then(|| TIME_LIMIT.to_owned()),
         fault: false,
-        steps: *system.steps(),
         rows: record.trace.rows().to_vec(),
         trace_csv: record.trace.to_csv(),
         handover: Some(Handover { figures: record.statistics.figures(), gaps: 0 }),
@@ -219,7 +266,8 @@ fn run_processes(
     };
     let bar = progress_bar(args, scenario);
     log.around(Some(bar.clone()));
-    let mut manager = Manager::start(job, log)?;
+    let claim = Claim::new(&scenario.system.robot)?;
+    let mut manager = Manager::start(claim, job, log)?;
     manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
     let stopped_by = loop {
         manager.step(Duration::from_millis(20));
@@ -249,7 +297,6 @@ fn run_processes(
     Ok(End {
         stopped_by: stopped_by.or(lost),
         fault,
-        steps: outcome.steps,
         rows,
         trace_csv,
         handover: outcome.handover,
@@ -297,7 +344,7 @@ fn report(args: &RunArgs, scenario: &Scenario, out: &Path, end: End) -> VerbResu
         RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
         &handover.figures,
         scenario.system.chassis.wheels(),
-        Counters::new(&end.steps, 0, end.restarts),
+        Counters { swaps: 0, restarts: end.restarts },
         end.lateness,
     );
     let plots = PlotInput {

@@ -1,11 +1,12 @@
 //! `hilare up`: a robot that stays up.
 
+use super::run::set_flag;
 use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
 use crate::manager::control::{Request, ask};
 use crate::manager::robot_dir::{log_path, socket_path};
-use crate::manager::{Failure, Job, Manager};
+use crate::manager::{Claim, Failure, Job, Manager};
 use crate::shell::ClockKind;
 use clap::Args;
 use hilare_interfaces::messages::Mode;
@@ -31,12 +32,16 @@ pub struct UpArgs {
     /// Control law
     #[arg(long, value_name = "LAW")]
     controller: Option<String>,
-    /// Write the merged log of all processes to this file as well
+    /// Write the merged log of all processes to this file as well [default with --detach: the runtime
+    /// directory's ROBOT.log, kept if the robot ends with a fault]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Return once the robot is up; end it with hilare down
     #[arg(long, short)]
     detach: bool,
+    /// Set on the launch that --detach leaves behind
+    #[arg(long, hide = true)]
+    background: bool,
     /// Print the status as JSON once it is up (with --detach)
     #[arg(long)]
     json: bool,
@@ -45,22 +50,29 @@ pub struct UpArgs {
 /// Brings a robot up; in the foreground until Ctrl-C or `hilare down`.
 pub fn up(args: &UpArgs) -> VerbResult {
     let mut system = System::load(&args.system).map_err(refused)?;
-    let mut set = args.set.clone();
-    set.extend(args.controller.iter().map(|law| format!("controller.law={law}")));
-    set.extend(args.robot.iter().map(|robot| format!("robot={robot}")));
-    system.set_all(&set).map_err(refused)?;
+    system.set_all(&args.set).map_err(refused)?;
+    if let Some(law) = &args.controller {
+        set_flag(&mut system, "--controller", law, &[format!("controller.law={law}")])?;
+    }
+    if let Some(robot) = &args.robot {
+        set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
+    }
     if args.detach {
         return detach(args, &system.robot);
     }
     let log = LogSink::new(Level::INFO);
     logging::init_launch(&log);
-    if let Some(file) = &args.log {
-        log.to_file(file).map_err(|e| refused(format!("--log {}: {e}", file.display())))?;
-    }
+    // Nobody watches a robot in the background: its reasons must be somewhere.
+    let file = args.log.clone().or_else(|| args.background.then(|| log_path(&system.robot)));
     let arm = system.supervision.arm_on_start;
     let robot = system.robot.clone();
     let job = Job { system, clock: ClockKind::Real, waypoints: Vec::new(), record: false };
-    let mut manager = Manager::start(job, &log)?;
+    let claim = Claim::new(&robot)?;
+    // Only now: the log of a robot that holds the name already is not ours.
+    if let Some(file) = &file {
+        log.to_file(file).map_err(|e| refused(format!("--log {}: {e}", file.display())))?;
+    }
+    let mut manager = Manager::start(claim, job, &log)?;
     if arm {
         manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
     }
@@ -74,7 +86,12 @@ pub fn up(args: &UpArgs) -> VerbResult {
             error!("{robot} ended: {fault}");
             Err(Failure::Fault(fault))
         }
-        None => Ok(ExitCode::SUCCESS),
+        None => {
+            if args.background && args.log.is_none() {
+                let _ = std::fs::remove_file(log_path(&robot));
+            }
+            Ok(ExitCode::SUCCESS)
+        }
     }
 }
 
@@ -92,9 +109,11 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
             command.arg(format!("{flag}={value}"));
         }
     }
-    // Nobody watches a robot in the background: its reasons must be somewhere.
+    command.arg("--background");
+    if let Some(file) = &args.log {
+        command.arg("--log").arg(file);
+    }
     let log = args.log.clone().unwrap_or_else(|| log_path(robot));
-    command.arg("--log").arg(&log);
     let mut child = command
         .process_group(0)
         .current_dir(std::env::current_dir().map_err(fault)?)
@@ -111,7 +130,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         // Another launch may hold the name: then the child ends by itself and says so.
         let answer = ask(&socket_path(robot), &Request::Status).ok().and_then(|answer| answer.status);
         let ours = answer.filter(|status| status.launch_pid == child.id());
-        if let Some(status) = ours.filter(|status| status.processes.iter().all(|p| p.state != "starting")) {
+        if let Some(status) = ours.filter(|status| status.mode != "starting") {
             let text = if args.json {
                 format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
             } else {

@@ -107,7 +107,7 @@ impl Manager {
             robot: self.job.system.robot.clone(),
             launch_pid: std::process::id(),
             clock: self.job.clock.to_string(),
-            mode: label(self.authority.mode, Mode::from_code).to_owned(),
+            mode: if self.up { label(self.authority.mode, Mode::from_code) } else { "starting" }.to_owned(),
             drive: Drive::from_code(steps.drive).map_or("unknown", Drive::label).to_owned(),
             tick: steps.tick,
             path_state: ReferenceState::from_code(reference.state)

@@ -23,7 +23,6 @@ impl Manager {
         Outcome {
             trace_csv: std::fs::read_to_string(self.dir.path().join(TRACE_FILE)).ok(),
             handover: self.handover.take(),
-            steps: self.newest.steps,
             lateness: lateness.unwrap_or_default(),
             restarts: self.members.iter().map(|member| member.restarts).sum(),
             fault: self.fault.take(),

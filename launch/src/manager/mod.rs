@@ -1,6 +1,6 @@
 //! The process manager: creates the wires, starts the workers, holds authority, watches, ends.
 //!
-//! One loop, woken by events (a worker died, a line of output, a signal, a request) or by time: 20
+//! One loop, woken by events (a worker died, a line of output, a signal, a request) or by time: 50
 //! times a second it renews the lease on the step generator and looks at the health of everybody.
 
 pub mod children;
@@ -35,7 +35,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Time between two authority messages (launch's lease) and two looks at everybody's health.
-const LEASE: Duration = Duration::from_millis(50);
+const LEASE: Duration = Duration::from_millis(20);
 /// Time workers have to open their ports.
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// Time the robot has to come to rest at the end.
@@ -80,6 +80,24 @@ pub struct Job {
     pub waypoints: Vec<WorldPoint>,
     /// Whether to keep figures and a trace.
     pub record: bool,
+}
+
+/// A robot that is ours, before anything of it runs.
+pub struct Claim {
+    dir: RobotDir,
+    sender: Sender<Event>,
+    events: Receiver<Event>,
+}
+
+impl Claim {
+    /// Claims a robot by name. From here on signals end a launch in good order.
+    pub fn new(robot: &str) -> Result<Self, Failure> {
+        // Before anything exists that an interrupt could leave behind.
+        let (sender, events) = unbounded();
+        start::catch_signals(&sender)?;
+        let dir = RobotDir::claim(robot).map_err(|error| Failure::Refused(error.to_string()))?;
+        Ok(Self { dir, sender, events })
+    }
 }
 
 /// Why a start or a run failed.
@@ -130,6 +148,8 @@ pub struct Manager {
     fault: Option<String>,
     interrupted: bool,
     down: bool,
+    /// Everybody is at work.
+    up: bool,
     leaving: bool,
     handover: Option<Handover>,
     dir: RobotDir,
@@ -152,8 +172,6 @@ pub struct Outcome {
     pub handover: Option<Handover>,
     /// The recorder's trace, as CSV.
     pub trace_csv: Option<String>,
-    /// Newest state of the step generator.
-    pub steps: Steps,
     /// Lateness of the ticks.
     pub lateness: Quantiles,
     /// Workers started again.
@@ -165,16 +183,15 @@ pub struct Outcome {
 }
 
 impl Manager {
-    /// Claims the robot, creates its wires, starts every worker and waits until all are connected.
-    pub fn start(job: Job, log: &LogSink) -> Result<Self, Failure> {
+    /// Creates the wires, starts every worker and waits until all are connected.
+    pub fn start(claim: Claim, job: Job, log: &LogSink) -> Result<Self, Failure> {
         let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
-        let dir = RobotDir::claim(&job.system.robot).map_err(|e| refused(&e))?;
+        let Claim { dir, sender, events } = claim;
         start::write_files(dir.path(), &job)?;
         let domain = Domain::join(dir.path(), "launch").map_err(|e| refused(&e))?;
         let services = domain.create_services().map_err(|e| refused(&e))?;
         let ports = Ports::open(&domain).map_err(|e| refused(&e))?;
         let page = SharedPage::create().map_err(|e| Failure::Fault(format!("memfd: {e}")))?;
-        let (sender, events) = unbounded();
         start::listen(dir.path(), &sender)?;
         let mut manager = Self {
             ports,
@@ -195,6 +212,7 @@ impl Manager {
             fault: None,
             interrupted: false,
             down: false,
+            up: false,
             leaving: false,
             handover: None,
             dir,

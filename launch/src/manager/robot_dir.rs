@@ -137,6 +137,7 @@ impl RobotDir {
         let lock = take_lock(&lock_path, robot, &path)?;
         let claim = Self { robot: robot.to_owned(), path, lock_path, _lock: lock };
         claim.wipe();
+        let _ = fs::remove_file(log_path(robot));
         make_private(&claim.path)?;
         Ok(claim)
     }
@@ -157,6 +158,8 @@ impl RobotDir {
 impl Drop for RobotDir {
     fn drop(&mut self) {
         self.wipe();
+        // The last robot takes the directory of all with it; it stays while there is anything in it.
+        let _ = self.path.parent().map(fs::remove_dir);
         // While still locked: whoever waits for the lock sees that the file is gone and starts over.
         let _ = fs::remove_file(&self.lock_path);
     }

@@ -30,6 +30,7 @@ impl Manager {
             self.await_path()?;
         }
         self.report_grants();
+        self.up = true;
         info!("{} workers at work", self.members.len());
         Ok(())
     }
@@ -67,7 +68,11 @@ impl Manager {
     fn await_all(&mut self, state: SlotState) -> Result<(), Failure> {
         let deadline = Instant::now() + START_PATIENCE;
         loop {
-            let missing = (0..self.members.len()).find(|slot| self.page.state(*slot) < state);
+            // At work means that the first heartbeat, with what the kernel granted, is there as well.
+            let missing = (0..self.members.len()).find(|slot| {
+                self.page.state(*slot) < state
+                    || (state == SlotState::Working && self.members[*slot].health.is_none())
+            });
             let Some(missing) = missing else { return Ok(()) };
             self.step(Duration::from_millis(1));
             if let Some(fault) = self.fault.take() {
@@ -142,15 +147,19 @@ pub(super) fn roles(job: &Job) -> impl Iterator<Item = Role> + use<> {
 }
 
 pub(super) fn listen(dir: &Path, sender: &Sender<Event>) -> Result<(), Failure> {
-    let fault = |what: &str, error: std::io::Error| Failure::Fault(format!("{what}: {error}"));
     let calls = sender.clone();
     control::listen(&dir.join(SOCKET), move |call| {
         let _ = calls.send(Event::Call(call));
     })
-    .map_err(|error| fault("control socket", error))?;
+    .map_err(|error| Failure::Fault(format!("control socket: {error}")))
+}
+
+/// Signals that end a launch come as events.
+pub(super) fn catch_signals(sender: &Sender<Event>) -> Result<(), Failure> {
+    let fault = |error: std::io::Error| Failure::Fault(format!("signals: {error}"));
     let interrupts = sender.clone();
-    let mut signals = signal_hook::iterator::Signals::new([libc::SIGINT, libc::SIGTERM, libc::SIGHUP])
-        .map_err(|error| fault("signals", error))?;
+    let mut signals =
+        signal_hook::iterator::Signals::new([libc::SIGINT, libc::SIGTERM, libc::SIGHUP]).map_err(&fault)?;
     std::thread::Builder::new()
         .name("signals".into())
         .stack_size(128 << 10)
@@ -159,6 +168,6 @@ pub(super) fn listen(dir: &Path, sender: &Sender<Event>) -> Result<(), Failure> 
                 let _ = interrupts.send(Event::Interrupt);
             }
         })
-        .map_err(|error| fault("signals", error))?;
+        .map_err(fault)?;
     Ok(())
 }

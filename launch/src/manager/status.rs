@@ -11,7 +11,7 @@ pub struct Status {
     pub launch_pid: u32,
     /// What drives the ticks.
     pub clock: String,
-    /// What the operator wants: disarmed, armed, stop, e-stop.
+    /// What the operator wants: disarmed, armed, stop, e-stop; `starting` until all workers are at work.
     pub mode: String,
     /// Why the wheels turn as they do.
     pub drive: String,

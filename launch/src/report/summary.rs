@@ -2,7 +2,6 @@
 
 use super::{make_dir, write_whole};
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::Steps;
 use hilare_recorder::statistics::RunFigures;
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -19,41 +18,13 @@ pub struct RunIdentity<'a> {
     pub clock: &'a str,
 }
 
-/// What was counted while it ran.
+/// What launch counted while it ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Wake-ups a tick or more late.
-    pub ticks_late: u64,
-    /// Whole ticks lost to such pauses.
-    pub paused_ticks: u64,
-    /// Longest single pause, ticks.
-    pub paused_max_ticks: u64,
-    /// Commands that came after their effective tick.
-    pub commands_late: u64,
-    /// Commands refused: invalid, of the wrong source or epoch, old.
-    pub commands_rejected: u64,
-    /// Control cycles that had no command of their own.
-    pub cycles_without_command: u64,
     /// Controllers swapped while driving.
     pub swaps: u64,
     /// Processes started again.
     pub restarts: u64,
-}
-
-impl Counters {
-    /// The step generator's counters, and launch's two.
-    pub fn new(steps: &Steps, swaps: u64, restarts: u64) -> Self {
-        Self {
-            ticks_late: steps.ticks_late,
-            paused_ticks: steps.paused_ticks,
-            paused_max_ticks: steps.paused_max_ticks,
-            commands_late: steps.commands_late,
-            commands_rejected: steps.commands_rejected,
-            cycles_without_command: steps.cycles_without_command,
-            swaps,
-            restarts,
-        }
-    }
 }
 
 /// A pose in `summary.json`.
@@ -162,12 +133,12 @@ impl Summary {
             steps: figures.steps[..wheels.min(figures.steps.len())].to_vec(),
             final_pose: figures.final_pose.into(),
             final_truth: figures.final_truth.into(),
-            ticks_late: counters.ticks_late,
-            paused_ticks: counters.paused_ticks,
-            paused_max_ticks: counters.paused_max_ticks,
-            commands_late: counters.commands_late,
-            commands_rejected: counters.commands_rejected,
-            cycles_without_command: counters.cycles_without_command,
+            ticks_late: figures.ticks_late,
+            paused_ticks: figures.paused_ticks,
+            paused_max_ticks: figures.paused_max_ticks,
+            commands_late: figures.commands_late,
+            commands_rejected: figures.commands_rejected,
+            cycles_without_command: figures.cycles_without_command,
             swaps: counters.swaps,
             restarts: counters.restarts,
             lateness_us: LatenessUs {

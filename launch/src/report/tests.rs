@@ -19,6 +19,12 @@ fn figures() -> RunFigures {
         steps: [9000, 8800, 0, 0],
         final_pose: [0.2, 0.2268, -std::f64::consts::FRAC_PI_2],
         final_truth: [0.2003, 0.2264, -1.571],
+        ticks_late: 0,
+        paused_ticks: 0,
+        paused_max_ticks: 0,
+        commands_late: 0,
+        commands_rejected: 0,
+        cycles_without_command: 0,
         state_hash: 0xab_cdef_0123,
     }
 }

@@ -172,8 +172,8 @@ fn timing(text: &mut String, summary: &Summary, pen: Pen) {
     );
     paragraph(text, "commands  ", &line, str::to_owned);
     paragraph(text, "hash      ", &summary.state_hash, str::to_owned);
-    if summary.commands_late > 0 {
-        let note = "late commands acted when they came, so this hash is not expected to be the simulation's";
+    if summary.commands_late > 0 || summary.cycles_without_command > 0 {
+        let note = "commands were late or did not act, so this hash is not expected to be the simulation's";
         paragraph(text, "          ", note, |line| pen.paint(YELLOW, line));
     }
 }

@@ -11,7 +11,7 @@
 use super::page::{MAX_WAIT, SharedPage};
 use super::transport::{Input, Output};
 use super::worker::{Report, Worker};
-use super::{ClockKind, build};
+use super::{ClockKind, build, realtime};
 use hilare_interfaces::block::{Block, TICK_S, Tick};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, HealthState, Mode, Steps};
@@ -73,6 +73,7 @@ impl ClockProcess {
                 ClockKind::Lockstep | ClockKind::InProcess => self.run_lockstep(&mut worker),
             }
         }
+        realtime::release();
         Ok(())
     }
 

@@ -93,6 +93,13 @@ pub fn set_fifo(priority: u64, reset_on_fork: bool) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
+/// Gives real time back: a process that leaves has much to unmap and nothing urgent.
+pub fn release() {
+    let parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: as above; going back to the default policy is always allowed.
+    unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER, &parameters) };
+}
+
 /// Reads back what the calling thread has.
 pub fn granted() -> Granted {
     // SAFETY: no arguments but a thread id, 0 for the calling one.

@@ -223,6 +223,7 @@ impl Worker {
                 self.page.wait(slot, seen, hosted.poll_interval());
             }
         }
+        realtime::release();
         hosted.poll(&mut self);
         let finished = hosted.finish();
         let state = if finished.is_ok() { HealthState::Ready } else { HealthState::Fault };

@@ -156,7 +156,7 @@ mod tests {
             let (a, b) = pair;
             prop_assert_eq!(a.theta_rad, b.theta_rad, "the heading is exact");
             // A step is 0.13 mm and turns it by 2.4 mrad; arcs of lost stretches differ in second order.
-            prop_assert!((a.x_m - b.x_m).hypot(a.y_m - b.y_m) < 2e-4 * moves.len() as f64 / 10.0);
+            prop_assert!(libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m) < 2e-4 * moves.len() as f64 / 10.0);
         }
 
         #[test]

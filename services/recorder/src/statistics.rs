@@ -8,7 +8,8 @@
 use crate::TickRecord;
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::geometry::{Segment, WorldPoint, WorldPose};
-use hilare_interfaces::messages::{Reference, ReferenceState};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{Reference, ReferenceState, Steps};
 use serde::{Deserialize, Serialize};
 
 /// Window of the true speed, ticks (0.1 s, about the paper's camera).
@@ -30,7 +31,8 @@ pub struct RunStatistics {
     hash: StateHash,
     pose: WorldPose,
     truth: WorldPose,
-    steps: [i64; 4],
+    /// State of the step generator after the last tick that counts.
+    steps: Steps,
 }
 
 /// What a run came to, for `summary.json`.
@@ -56,6 +58,18 @@ pub struct RunFigures {
     pub final_truth: [f64; 3],
     /// Hash of every bit of the estimated pose over all ticks.
     pub state_hash: u64,
+    /// Wake-ups a tick or more late.
+    pub ticks_late: u64,
+    /// Whole ticks lost to such pauses.
+    pub paused_ticks: u64,
+    /// Longest single pause, ticks.
+    pub paused_max_ticks: u64,
+    /// Commands that came after their effective tick.
+    pub commands_late: u64,
+    /// Commands refused.
+    pub commands_rejected: u64,
+    /// Control cycles in which no command of their own acted.
+    pub cycles_without_command: u64,
 }
 
 impl Default for RunStatistics {
@@ -73,7 +87,7 @@ impl Default for RunStatistics {
             hash: StateHash::default(),
             pose: WorldPose::default(),
             truth: WorldPose::default(),
-            steps: [0; 4],
+            steps: Steps::ZERO,
         }
     }
 }
@@ -102,7 +116,7 @@ impl RunStatistics {
         }
         self.pose = record.pose.pose();
         self.truth = record.truth.pose();
-        self.steps = record.steps.counts;
+        self.steps = *record.steps;
         self.hash.update(self.pose);
         let position = self.truth.position();
         if record.reference.state == ReferenceState::Tracking.code() {
@@ -134,10 +148,16 @@ impl RunStatistics {
             cross_track_max_m: self.cross_track_max_m,
             speed_error_mean_mps: mean(self.speed_error_sum_mps, self.ticks),
             speed_error_truth_mean_mps: mean(self.true_speed_error_sum_mps, self.true_speed_samples),
-            steps: self.steps,
+            steps: self.steps.counts,
             final_pose: flat(self.pose),
             final_truth: flat(self.truth),
             state_hash: self.hash.0,
+            ticks_late: self.steps.ticks_late,
+            paused_ticks: self.steps.paused_ticks,
+            paused_max_ticks: self.steps.paused_max_ticks,
+            commands_late: self.steps.commands_late,
+            commands_rejected: self.steps.commands_rejected,
+            cycles_without_command: self.steps.cycles_without_command,
         }
     }
 }
@@ -185,8 +205,7 @@ impl StateHash {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hilare_interfaces::layout::WireField;
-    use hilare_interfaces::messages::{Pose, Steps, Truth, Waypoint};
+    use hilare_interfaces::messages::{Pose, Truth, Waypoint};
 
     /// 1 m along x at 40 mm/s, 3 mm to the left of the line, commanded 38 mm/s.
     #[test]

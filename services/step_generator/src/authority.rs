@@ -22,7 +22,7 @@ param_group! {
         /// Control cycles the last command is held when none comes.
         hold_cycles: u64 = 2, "", 0, 100;
         /// Ticks without a sign of launch after which the robot stops; 0 never (lockstep).
-        lease_ticks: u64 = 70, "ticks", 0, 10000;
+        lease_ticks: u64 = 75, "ticks", 0, 10000;
         /// A single pause of this many ticks stops the robot; 0 never.
         pause_stop_ticks: u64 = 100, "ticks", 0, 100000;
     }
@@ -166,7 +166,8 @@ impl Gate {
 
     /// A new cycle begins: it has missed its command until the command is found.
     fn open_cycle(&mut self, tick: Tick) {
-        if self.mode == Mode::Armed && self.cycle_start >= self.due_from && self.misses > 0 {
+        let due = self.mode == Mode::Armed && self.cycle_start >= self.due_from;
+        if due && (self.misses > 0 || self.held_back()) {
             self.without += 1;
         }
         self.cycle_start = tick;
@@ -192,13 +193,21 @@ impl Gate {
         }
     }
 
+    fn lease_lost(&self) -> bool {
+        self.params.lease_ticks != 0 && self.lease_age > self.params.lease_ticks
+    }
+
+    /// Commands come and do not act.
+    fn held_back(&self) -> bool {
+        self.lease_lost() || self.pause_stop
+    }
+
     fn drive(&self, tick: Tick) -> Drive {
-        let lease_lost = self.params.lease_ticks != 0 && self.lease_age > self.params.lease_ticks;
         match self.mode {
             Mode::EStop => Drive::EStop,
             Mode::Disarmed => Drive::Disarmed,
             Mode::Stop => Drive::Stop,
-            Mode::Armed if lease_lost => Drive::LeaseLost,
+            Mode::Armed if self.lease_lost() => Drive::LeaseLost,
             Mode::Armed if self.pause_stop => Drive::PauseStop,
             Mode::Armed if self.acting.is_none() => Drive::Ramp,
             Mode::Armed if self.misses == 0 || tick < self.due_from => Drive::Command,

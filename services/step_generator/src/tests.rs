@@ -55,7 +55,7 @@ impl Rig {
     fn drive(&mut self, cycles: u64, vx_mps: f64, omega_radps: f64) -> Steps {
         let mut steps = *self.generator.state();
         for _ in 0..cycles * 5 {
-            let command = (self.tick % 5 == 0).then(|| self.command(vx_mps, omega_radps));
+            let command = self.tick.is_multiple_of(5).then(|| self.command(vx_mps, omega_radps));
             steps = self.tick_with(command.as_slice());
         }
         steps
@@ -183,7 +183,7 @@ fn a_lost_lease_stops_within_a_hundred_ticks() {
     rig.drive(4, 0.04, 0.7);
     let mut still_after = None;
     for n in 1..=200 {
-        let command = (rig.tick % 5 == 0).then(|| rig.command(0.04, 0.7));
+        let command = rig.tick.is_multiple_of(5).then(|| rig.command(0.04, 0.7));
         let inputs = StepInputs { commands: command.as_slice(), ..StepInputs::default() };
         let steps = rig.generator.step(rig.tick, inputs);
         rig.tick += 1;
