@@ -6,7 +6,7 @@
 //! from ticks and whole-process time with the start-up measured apart.
 #![allow(missing_docs)]
 
-use hilare::config::Scenario;
+use hilare::config::{Scenario, Task};
 use hilare::shell::in_process::InProcess;
 use std::hint::black_box;
 use std::process::Command;
@@ -17,12 +17,13 @@ const ROUNDS: usize = 9;
 fn main() {
     println!("machine: {}", machine());
     let scenario = Scenario::load("so").expect("built in");
+    let Task::Follow(waypoints) = &scenario.task else { panic!("so is a path") };
     let mut bare = Vec::new();
     let mut recorded = Vec::new();
     let mut additions = Vec::new();
     for _ in 0..ROUNDS {
         bare.push(rate(|| {
-            let mut system = InProcess::new(&scenario.system, &scenario.waypoints).expect("valid");
+            let mut system = InProcess::new(&scenario.system, waypoints).expect("valid");
             let mut ticks = 0u64;
             while system.tick() {
                 ticks += 1;
@@ -30,7 +31,7 @@ fn main() {
             ticks
         }));
         recorded.push(rate(|| {
-            let mut system = InProcess::new(&scenario.system, &scenario.waypoints).expect("valid");
+            let mut system = InProcess::new(&scenario.system, waypoints).expect("valid");
             system.run(u64::MAX).statistics.ticks()
         }));
         additions.push(rate(dependent_additions));

@@ -31,6 +31,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "arm",
         "follow",
         "goal",
+        "plan",
         "diagram",
         "doctor",
         "completions",

@@ -5,7 +5,9 @@
 
 mod diagram;
 mod doctor;
+mod ending;
 mod operate;
+mod plan;
 mod run;
 mod service;
 mod up;
@@ -72,11 +74,17 @@ enum Verb {
         after_help = "Example: hilare follow path.csv\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot."
     )]
     Follow(operate::FollowArgs),
-    /// Drive straight to a point (metres, world frame)
+    /// Drive to a point (metres, world frame), around the obstacles of the system's map
     #[command(
         after_help = "Example: hilare goal 0.6 0.5\nExit codes: 0 accepted, 1 refused, 2 bad input or no such robot."
     )]
     Goal(operate::GoalArgs),
+    /// Plan a path on a map, without a robot
+    #[command(
+        after_help = "Examples:\n  hilare plan --map depot.yaml --start 2,2 --goal 20,10 --radius 0.22 --out path.csv --out plan.svg\n  \
+        hilare plan --map platform.json --json\nExit codes: 0 a path was found, 1 there is none (the reason is given), 2 wrong use or bad input."
+    )]
+    Plan(plan::PlanArgs),
     /// Print the block diagram the wires are built from
     #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
     Diagram(diagram::DiagramArgs),
@@ -117,6 +125,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Arm(args)) => operate::order(&args, &crate::manager::control::Request::Arm),
         Some(Verb::Follow(args)) => operate::follow(&args),
         Some(Verb::Goal(args)) => operate::goal(&args),
+        Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
         Some(Verb::Completions { shell }) => {

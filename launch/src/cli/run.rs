@@ -1,23 +1,23 @@
 //! `hilare run` and `hilare demo`.
 
-use super::{VerbResult, print, refused};
-use crate::config::{Scenario, System};
+use super::ending::{End, report};
+use super::{VerbResult, refused};
+use crate::config::{Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
-use crate::report::{Counters, PlotInput, PublishedRow, RunIdentity, Summary, verdict_text, write_report};
 use crate::shell::ClockKind;
 use crate::shell::in_process::InProcess;
 use crate::shell::observer::Handover;
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
+use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::Mode;
-use hilare_recorder::trace::TraceRow;
+use hilare_interfaces::messages::{GoalKind, Mode};
+use hilare_planner::{Map, Navigator, Unlimited};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Duration;
 use tracing::{Level, warn};
 
@@ -38,7 +38,7 @@ pub struct DemoArgs {
 /// Options of `hilare run`.
 #[derive(Args)]
 pub struct RunArgs {
-    /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so]
+    /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so, platform]
     #[arg(value_name = "SCENARIO", required_unless_present = "path")]
     scenario: Option<String>,
     /// Follow these waypoints instead (CSV, header x,y, metres), starting on the first, heading 0
@@ -52,7 +52,7 @@ pub struct RunArgs {
     controller: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
-    clock: ClockKind,
+    pub(super) clock: ClockKind,
     /// Seed of the simulated slip and start error
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<u64>,
@@ -67,7 +67,7 @@ pub struct RunArgs {
     out: Option<PathBuf>,
     /// Print summary.json instead of the verdict
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// The standard job: the closed rectangle, in real time.
@@ -89,8 +89,11 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
 /// A scenario to its end, with a report.
 pub fn run(args: &RunArgs) -> VerbResult {
     let scenario = resolve(args)?;
+    let map = scenario.system.load_map().map_err(refused)?;
+    let waypoints = path_of(&scenario, map.as_ref())?;
     let out = open_out_dir(args, &scenario)?;
-    let result = run_into(&out, args, &scenario);
+    let drive = Drive { scenario: &scenario, waypoints: &waypoints, map: map.as_ref() };
+    let result = run_into(&out, args, &drive);
     if let Err(Failure::Refused(_)) = &result {
         discard(&out);
     }
@@ -108,19 +111,41 @@ fn discard(out: &Path) {
     }
 }
 
-fn run_into(out: &Path, args: &RunArgs, scenario: &Scenario) -> VerbResult {
+fn run_into(out: &Path, args: &RunArgs, drive: &Drive<'_>) -> VerbResult {
     let log = LogSink::new(Level::WARN);
     logging::init_launch(&log);
     let failed = |e: io::Error| refused(format!("{}: {e}", out.display()));
     log.to_file(&out.join(LOG_FILE)).map_err(failed)?;
-    fs::write(out.join(SYSTEM_FILE), scenario.system.to_toml()).map_err(failed)?;
-    warn_if_endless(scenario);
-    let max_ticks = time_limit(scenario);
+    fs::write(out.join(SYSTEM_FILE), drive.scenario.system.to_toml()).map_err(failed)?;
+    warn_if_endless(drive);
+    let max_ticks = time_limit(drive);
     let end = match args.clock {
-        ClockKind::InProcess => run_in_process(scenario, max_ticks)?,
-        ClockKind::Real | ClockKind::Lockstep => run_processes(args, scenario, max_ticks, &log)?,
+        ClockKind::InProcess => run_in_process(drive, max_ticks)?,
+        ClockKind::Real | ClockKind::Lockstep => run_processes(args, drive, max_ticks, &log)?,
     };
-    report(args, scenario, out, end)
+    report(args, drive, out, end)
+}
+
+/// A scenario with the path it comes to.
+pub struct Drive<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Its path.
+    pub waypoints: &'a [WorldPoint],
+    /// Its map.
+    pub map: Option<&'a Map>,
+}
+
+/// The path of a scenario: its own, or the planner's. The planner's process finds the same one: same
+/// map, same seed, same bits.
+fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<WorldPoint>, Failure> {
+    let system = &scenario.system;
+    match &scenario.task {
+        Task::Follow(waypoints) => Ok(waypoints.clone()),
+        Task::Reach(goal) => Navigator::new(map, &system.planner, system.tracking.acceptance_radius_m)
+            .path(GoalKind::Point, &[*goal], system.start.position(), &mut Unlimited)
+            .map_err(|why| Failure::Fault(format!("the planner: {why}"))),
+    }
 }
 
 /// Directory for reports that were given none.
@@ -129,8 +154,8 @@ const LOG_FILE: &str = "hilare.log";
 const SYSTEM_FILE: &str = "system.toml";
 
 /// A path in millimetres is a drive of hours.
-fn warn_if_endless(scenario: &Scenario) {
-    let (length_m, speed_mps) = (path_length_m(scenario), scenario.system.tracking.speed_mps);
+fn warn_if_endless(drive: &Drive<'_>) {
+    let (length_m, speed_mps) = (path_length_m(drive), drive.scenario.system.tracking.speed_mps);
     let hours = length_m / speed_mps.max(1e-4) / 3600.0;
     if hours > 1.0 {
         warn!(
@@ -139,21 +164,8 @@ fn warn_if_endless(scenario: &Scenario) {
     }
 }
 
-fn path_length_m(scenario: &Scenario) -> f64 {
-    scenario.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
-}
-
-/// What a run came to.
-struct End {
-    handover: Option<Handover>,
-    rows: Vec<TraceRow>,
-    trace_csv: String,
-    lateness: Quantiles,
-    restarts: u64,
-    /// Why it ended before it arrived.
-    stopped_by: Option<String>,
-    /// Something broke.
-    fault: bool,
+fn path_length_m(drive: &Drive<'_>) -> f64 {
+    drive.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
 }
 
 fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
@@ -231,15 +243,16 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
 
 /// Ticks after which a run that has not arrived is ended: five times what the path takes at the
 /// reference speed, and a minute.
-fn time_limit(scenario: &Scenario) -> Tick {
-    let seconds = 60.0 + 5.0 * path_length_m(scenario) / scenario.system.tracking.speed_mps.max(1e-4);
+fn time_limit(drive: &Drive<'_>) -> Tick {
+    let speed_mps = drive.scenario.system.tracking.speed_mps.max(1e-4);
+    let seconds = 60.0 + 5.0 * path_length_m(drive) / speed_mps;
     (seconds.min(1e7) as Tick) * TICKS_PER_SECOND
 }
 
 const TIME_LIMIT: &str = "the time limit (a minute and five times what the path takes) ran out";
 
-fn run_in_process(scenario: &Scenario, max_ticks: Tick) -> Result<End, Failure> {
-    let mut system = InProcess::new(&scenario.system, &scenario.waypoints).map_err(refused)?;
+fn run_in_process(drive: &Drive<'_>, max_ticks: Tick) -> Result<End, Failure> {
+    let mut system = InProcess::new(&drive.scenario.system, drive.waypoints).map_err(refused)?;
     let record = system.run(max_ticks);
     Ok(End {
         stopped_by: (!system.arrived()).then(|| TIME_LIMIT.to_owned()),
@@ -252,19 +265,15 @@ fn run_in_process(scenario: &Scenario, max_ticks: Tick) -> Result<End, Failure> 
     })
 }
 
-fn run_processes(
-    args: &RunArgs,
-    scenario: &Scenario,
-    max_ticks: Tick,
-    log: &LogSink,
-) -> Result<End, Failure> {
+fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSink) -> Result<End, Failure> {
+    let scenario = drive.scenario;
     let job = Job {
         system: scenario.system.clone(),
         clock: args.clock,
-        waypoints: scenario.waypoints.clone(),
+        task: Some(scenario.task.clone()),
         record: true,
     };
-    let bar = progress_bar(args, scenario);
+    let bar = progress_bar(args, scenario, drive.waypoints.len());
     log.around(Some(bar.clone()));
     let claim = Claim::new(&scenario.system.robot)?;
     let mut manager = Manager::start(claim, job, log)?;
@@ -305,14 +314,11 @@ fn run_processes(
     })
 }
 
-fn progress_bar(args: &RunArgs, scenario: &Scenario) -> ProgressBar {
+fn progress_bar(args: &RunArgs, scenario: &Scenario, waypoints: usize) -> ProgressBar {
     if args.json || !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(
-        Some(scenario.waypoints.len() as u64 - 1),
-        ProgressDrawTarget::stderr(),
-    );
+    let bar = ProgressBar::with_draw_target(Some(waypoints as u64 - 1), ProgressDrawTarget::stderr());
     let style = ProgressStyle::with_template("{prefix} [{bar:30}] waypoint {pos}/{len}  {msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
     bar.set_prefix(format!("{} ({})", scenario.name, args.clock));
@@ -333,50 +339,4 @@ fn show(bar: &ProgressBar, manager: &Manager) {
         pose.y_m * 1e3,
         newest.steps.commanded_twist().speed_mps() * 1e3
     ));
-}
-
-fn report(args: &RunArgs, scenario: &Scenario, out: &Path, end: End) -> VerbResult {
-    let Some(handover) = end.handover else {
-        return Err(Failure::Fault(end.stopped_by.unwrap_or_default()));
-    };
-    let law = scenario.system.controller.law.name;
-    let summary = Summary::new(
-        RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
-        &handover.figures,
-        scenario.system.chassis.wheels(),
-        Counters { swaps: 0, restarts: end.restarts },
-        end.lateness,
-    );
-    let plots = PlotInput {
-        title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
-        waypoints: &scenario.waypoints,
-        acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
-        reference_speed_mps: scenario.system.tracking.speed_mps,
-        rows: &end.rows,
-    };
-    write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
-    if args.json {
-        print(&summary.to_json());
-    } else {
-        let published: Vec<PublishedRow<'_>> = scenario
-            .published
-            .iter()
-            .map(|row| PublishedRow {
-                source: &row.source,
-                cross_track_mean_m: row.cross_track_mean_m,
-                speed_error_mean_mps: row.speed_error_mean_mps,
-            })
-            .collect();
-        let color = io::stdout().is_terminal();
-        print(&verdict_text(&summary, &published, end.stopped_by.as_deref(), color));
-        print(&format!("Report: {}\n", out.display()));
-    }
-    if handover.gaps > 0 {
-        return Err(Failure::Fault(format!(
-            "{} ticks were lost to the recorder; the figures lack them",
-            handover.gaps
-        )));
-    }
-    let arrived = summary.reached && !end.fault;
-    Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }

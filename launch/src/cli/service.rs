@@ -4,11 +4,10 @@ use super::{VerbResult, refused};
 use crate::logging;
 use crate::manager::Failure;
 use crate::shell::ClockKind;
-use crate::shell::boxes::{
-    ControllerProcess, EstimatorProcess, PlannerProcess, PlantProcess, SelectorProcess,
-};
+use crate::shell::boxes::{ControllerProcess, EstimatorProcess, PlantProcess, SelectorProcess};
 use crate::shell::clock::ClockProcess;
 use crate::shell::observer::RecorderProcess;
+use crate::shell::planning::PlannerProcess;
 use crate::shell::worker::{Assignment, Worker};
 use clap::Args;
 use hilare_interfaces::wires::Role;

@@ -2,7 +2,7 @@
 
 use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
-use super::keys::{Form, KIND, LAW, ROBOT, Section, join, keys};
+use super::keys::{Form, KIND, LAW, MAP, ROBOT, Section, join, keys};
 use super::{System, conflict, suggest};
 use hilare_controller::law;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
@@ -171,6 +171,8 @@ fn put_text(system: &mut System, name: &str, value: &Value<'_>) -> Result<(), St
     if name == ROBOT.name {
         check_robot_name(text)?;
         system.robot = text.to_owned();
+    } else if name == MAP.name {
+        system.map = text.to_owned();
     } else if name == LAW.name {
         system.controller.law = law(text).ok_or_else(|| suggest::unknown_choice(&LAW, text))?;
     } else if text != system.chassis.name() {

@@ -7,7 +7,7 @@ use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamGroup, ParamSpec};
 use hilare_interfaces::wires::Role;
-use hilare_planner::MAX_COORDINATE_M;
+use hilare_planner::{MAX_COORDINATE_M, PlannerSettings};
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
@@ -61,6 +61,14 @@ pub(super) static LAW: TextSpec = TextSpec {
     default: LAWS[0].name,
     choices: || LAWS.iter().map(|law| law.name).collect(),
     doc: "The control law that drives.",
+};
+
+/// Map to plan on.
+pub(super) static MAP: TextSpec = TextSpec {
+    name: "map",
+    default: "",
+    choices: Vec::new,
+    doc: "Map to plan on: a file (.yaml, .map, .json, .toml, .csv), relative to this one, or built in (platform); empty for none.",
 };
 
 /// What a key takes.
@@ -125,6 +133,7 @@ pub(super) enum Section {
     Controller,
     /// Parameters of a law, by its place in [`LAWS`].
     Law(usize),
+    Planner,
     Plant,
     Start,
     Supervision,
@@ -138,7 +147,7 @@ impl Section {
         let head = [Top, Differential, Mecanum, Stepper, Limits, Timing, Tracking, Controller];
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
-            .chain([Plant, Start, Supervision])
+            .chain([Planner, Plant, Start, Supervision])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -171,6 +180,7 @@ impl Section {
             Self::Tracking => "tracking".to_owned(),
             Self::Controller => "controller".to_owned(),
             Self::Law(index) => format!("controller.{}", LAWS[index].name),
+            Self::Planner => "planner".to_owned(),
             Self::Plant => "plant".to_owned(),
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
@@ -198,6 +208,7 @@ impl Section {
             Self::Top => Some(&ROBOT),
             Self::Differential | Self::Mecanum => Some(&KIND),
             Self::Controller => Some(&LAW),
+            Self::Planner => Some(&MAP),
             _ => None,
         }
     }
@@ -213,6 +224,7 @@ impl Section {
             Self::Timing => GateParams::SPECS,
             Self::Tracking => Tracking::SPECS,
             Self::Law(index) => LAWS[index].params,
+            Self::Planner => PlannerSettings::SPECS,
             Self::Plant => StepperDriveParams::SPECS,
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
@@ -236,6 +248,7 @@ impl Section {
             Self::Timing => &system.timing,
             Self::Tracking => &system.tracking,
             Self::Law(index) => &system.controller.laws[index],
+            Self::Planner => &system.planner,
             Self::Plant => &system.plant,
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
@@ -252,6 +265,7 @@ impl Section {
             Self::Timing => &mut system.timing,
             Self::Tracking => &mut system.tracking,
             Self::Law(index) => &mut system.controller.laws[index],
+            Self::Planner => &mut system.planner,
             Self::Plant => &mut system.plant,
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
@@ -305,6 +319,7 @@ param_groups_are_groups!(
     Limits,
     GateParams,
     Tracking,
+    PlannerSettings,
     StepperDriveParams,
     Supervision
 );

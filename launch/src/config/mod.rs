@@ -16,6 +16,7 @@ mod controller;
 mod document;
 mod error;
 mod keys;
+mod maps;
 mod realtime;
 mod scenario;
 mod suggest;
@@ -25,13 +26,14 @@ pub use controller::ControllerConfig;
 pub use error::ConfigError;
 pub use keys::{Form, Key, TextSpec, keys};
 pub use realtime::Realtime;
-pub use scenario::{Published, Scenario};
+pub use scenario::{Published, Scenario, Task};
 
 use document::Document;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::param_group;
 use hilare_interfaces::wires::Role;
+use hilare_planner::{Map, PlannerSettings};
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
@@ -71,6 +73,10 @@ pub struct System {
     pub tracking: Tracking,
     /// Control law and its gains.
     pub controller: ControllerConfig,
+    /// How goals become paths.
+    pub planner: PlannerSettings,
+    /// Map to plan on: a built-in name or a file; empty for none.
+    pub map: String,
     /// The simulated robot.
     pub plant: StepperDriveParams,
     /// Pose the robot is assumed to start at.
@@ -90,6 +96,8 @@ impl Default for System {
             timing: GateParams::default(),
             tracking: Tracking::default(),
             controller: ControllerConfig::default(),
+            planner: PlannerSettings::default(),
+            map: keys::MAP.default.to_owned(),
             plant: StepperDriveParams::default(),
             start: WorldPose::default(),
             supervision: Supervision::default(),
@@ -107,8 +115,10 @@ impl System {
     /// Reads a built-in system by name, or a file by a path that ends in `.toml`.
     pub fn load(name_or_path: &str) -> Result<Self, ConfigError> {
         if is_path(name_or_path) {
-            let text = error::read_text(Path::new(name_or_path))?;
-            return Self::parse(name_or_path, &text);
+            let path = Path::new(name_or_path);
+            let mut system = Self::parse(name_or_path, &error::read_text(path)?)?;
+            system.map = maps::beside(&system.map, path);
+            return Ok(system);
         }
         Self::built_in(name_or_path).map_err(ConfigError::bare)
     }
@@ -151,6 +161,11 @@ impl System {
     pub fn get(&self, key: &str) -> Option<f64> {
         let (section, name) = assign::split_key(key);
         keys::Section::of(section, &self.chassis)?.get(self, name)
+    }
+
+    /// The map to plan on, loaded; `None` if the system has none.
+    pub fn load_map(&self) -> Result<Option<Map>, ConfigError> {
+        maps::load(&self.map, &self.planner.load_options())
     }
 
     /// The whole system as a commented file; reading it back gives the same bits.

@@ -3,10 +3,10 @@
 use super::assign::{apply, check_number};
 use super::document::{Document, Entry, Value, entries};
 use super::error::{ConfigError, quoted, read_text};
-use super::{System, find_built_in, is_path, suggest};
+use super::{System, find_built_in, is_path, maps, suggest};
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::params::{ParamKind, ParamSpec};
-use hilare_planner::{Refusal, check_path, waypoint_file};
+use hilare_planner::{PathRefusal, check_path, waypoint_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -19,13 +19,14 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("rectangle-open", include_str!("../../scenarios/rectangle-open.toml")),
     ("trapezoid", include_str!("../../scenarios/trapezoid.toml")),
     ("so", include_str!("../../scenarios/so.toml")),
+    ("platform", include_str!("../../scenarios/platform.toml")),
 ];
 
 /// Waypoint files the built-in scenarios name.
 const BUILT_IN_PATHS: &[(&str, &str)] = &[("so.csv", include_str!("../../scenarios/so.csv"))];
 
 const KEYS: &[&str] =
-    &["description", "system", "waypoints_m", "waypoints_file", "start", "published", "set"];
+    &["description", "system", "waypoints_m", "waypoints_file", "goal_m", "start", "published", "set"];
 const PUBLISHED_KEYS: &[&str] = &["source", "cross_track_mean_m", "speed_error_mean_mps"];
 
 /// Published figures are millimetres in a metre key as often as not: the bounds tell them apart.
@@ -50,10 +51,19 @@ pub struct Scenario {
     pub description: String,
     /// The robot, the scenario's changes made.
     pub system: System,
-    /// The path, at least two waypoints.
-    pub waypoints: Vec<WorldPoint>,
+    /// What to drive.
+    pub task: Task,
     /// What others measured or computed on this path.
     pub published: Vec<Published>,
+}
+
+/// What a scenario asks the planner for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// Follow these waypoints, at least two.
+    Follow(Vec<WorldPoint>),
+    /// Find a way from the start to this point.
+    Reach(WorldPoint),
 }
 
 /// Values the verdict shows beside ours.
@@ -89,8 +99,9 @@ impl Scenario {
     /// The same robot on the path of a waypoint file (CSV, header `x,y`, metres). It starts on the first
     /// waypoint, heading 0; what was published of the scenario's own path goes.
     pub fn with_path(mut self, file: &Path) -> Result<Self, ConfigError> {
-        self.waypoints = read_waypoints(file)?;
-        self.system.start = WorldPose::new(self.waypoints[0].x_m, self.waypoints[0].y_m, 0.0);
+        let waypoints = read_waypoints(file)?;
+        self.system.start = WorldPose::new(waypoints[0].x_m, waypoints[0].y_m, 0.0);
+        self.task = Task::Follow(waypoints);
         self.description = format!("waypoints of {}", file.display());
         self.published.clear();
         Ok(self)
@@ -123,7 +134,7 @@ fn parse_waypoints(place: &str, text: impl Read) -> Result<Vec<WorldPoint>, Conf
 struct Parts<'t> {
     description: String,
     system: Option<System>,
-    waypoints: Option<Vec<WorldPoint>>,
+    task: Option<Task>,
     published: Vec<Published>,
     changes: Vec<Entry<'t>>,
 }
@@ -137,17 +148,22 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
         let offset = key.span().start;
         read_item(&file, home, key.get_ref(), offset, value, &mut parts)?;
     }
-    let Parts { description, system, waypoints, published, changes } = parts;
+    let Parts { description, system, task, published, changes } = parts;
     let mut system = system.ok_or_else(|| {
         file.error_of_file(
             "no system; add system = \"epuck\" (built-in) or the path of a system file (.toml)",
         )
     })?;
     apply(&mut system, &file, changes)?;
-    let waypoints = waypoints.ok_or_else(|| {
-        file.error_of_file("no path; add waypoints_m = [[x, y], [x, y]] or waypoints_file = \"FILE.csv\"")
+    if let Home::Folder(folder) = home {
+        system.map = maps::beside(&system.map, &folder.join("scenario.toml"));
+    }
+    let task = task.ok_or_else(|| {
+        let what =
+            "no path; add waypoints_m = [[x, y], [x, y]], waypoints_file = \"FILE.csv\" or goal_m = [x, y]";
+        file.error_of_file(what)
     })?;
-    Ok(Scenario { name: name.to_owned(), description, system, waypoints, published })
+    Ok(Scenario { name: name.to_owned(), description, system, task, published })
 }
 
 /// Reads one top-level key.
@@ -173,14 +189,20 @@ fn read_item<'t>(
                 _ => System::built_in(name).map_err(|what| file.error(offset, what))?,
             });
         }
-        "waypoints_m" | "waypoints_file" if parts.waypoints.is_some() => {
-            return Err(file.error(offset, "both waypoints_m and waypoints_file; delete one of them"));
+        "waypoints_m" | "waypoints_file" | "goal_m" if parts.task.is_some() => {
+            let what = "more than one of waypoints_m, waypoints_file and goal_m; keep one of them";
+            return Err(file.error(offset, what));
         }
         "waypoints_m" => {
             let points = value.get_ref().as_array().ok_or_else(|| wrong("an array [[x, y], [x, y]]"))?;
-            parts.waypoints = Some(inline_waypoints(file, offset, points)?);
+            parts.task = Some(Task::Follow(inline_waypoints(file, offset, points)?));
         }
-        "waypoints_file" => parts.waypoints = Some(waypoints_file(file, home, offset, text()?)?),
+        "waypoints_file" => parts.task = Some(Task::Follow(waypoints_file(file, home, offset, text()?)?)),
+        "goal_m" => {
+            let goal = point(value.get_ref()).filter(|goal| goal.is_finite());
+            parts.task =
+                Some(Task::Reach(goal.ok_or_else(|| wrong("[x, y], two finite numbers in metres"))?));
+        }
         "start" => parts.changes.extend(entries(table()?, "", "start")),
         "set" => {
             let changes = table()?;
@@ -208,22 +230,26 @@ fn read_item<'t>(
     Ok(())
 }
 
+/// `[x, y]`, metres.
+fn point(value: &DeValue<'_>) -> Option<WorldPoint> {
+    let numbers: Vec<_> = value.as_array()?.iter().map(|item| Value::new(item.get_ref())).collect();
+    match numbers[..] {
+        [Value::Number(x_m), Value::Number(y_m)] => Some(WorldPoint::new(x_m, y_m)),
+        _ => None,
+    }
+}
+
 fn inline_waypoints(
     file: &Document<'_>,
     offset: usize,
     points: &[Spanned<DeValue<'_>>],
 ) -> Result<Vec<WorldPoint>, ConfigError> {
     let mut waypoints = Vec::with_capacity(points.len());
-    for (index, point) in points.iter().enumerate() {
-        let pair = point.get_ref().as_array().map(|pair| &pair[..]).unwrap_or_default();
-        let numbers: Vec<_> = pair.iter().map(|item| Value::new(item.get_ref())).collect();
-        let [Value::Number(x_m), Value::Number(y_m)] = numbers[..] else {
-            let what = format!("waypoints_m: waypoint {} is not [x, y], two numbers in metres", index + 1);
-            return Err(file.error(point.span().start, what));
-        };
-        waypoints.push(WorldPoint::new(x_m, y_m));
+    for (index, item) in points.iter().enumerate() {
+        let what = || format!("waypoints_m: waypoint {} is not [x, y], two numbers in metres", index + 1);
+        waypoints.push(point(item.get_ref()).ok_or_else(|| file.error(item.span().start, what()))?);
     }
-    check_path(&waypoints).map_err(|refusal: Refusal| match refusal.index() {
+    check_path(&waypoints).map_err(|refusal: PathRefusal| match refusal.index() {
         Some(index) => {
             file.error(points[index].span().start, format!("waypoints_m: waypoint {}: {refusal}", index + 1))
         }

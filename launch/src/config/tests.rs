@@ -53,7 +53,7 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, stepper, limits, timing, \
-             tracking, controller, plant, start, supervision, realtime",
+             tracking, controller, planner, plant, start, supervision, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
@@ -76,7 +76,7 @@ fn unknown_sections_name_the_one_that_was_meant() {
         ),
         (
             "[colour]",
-            "1: unknown section [colour]; known: chassis, stepper, limits, timing, tracking, controller, plant, \
+            "1: unknown section [colour]; known: chassis, stepper, limits, timing, tracking, controller, planner, plant, \
              start, supervision, realtime",
         ),
         (

@@ -45,10 +45,10 @@ fn value(system: &System, section: Section, key: &Key) -> String {
             let text = match section {
                 Section::Top => &system.robot,
                 Section::Controller => system.controller.law.name,
+                Section::Planner => &system.map,
                 _ => system.chassis.name(),
             };
-            // Names hold nothing that needs an escape.
-            format!("\"{text}\"")
+            toml::Value::from(text).to_string()
         }
         Form::Number(spec) => {
             let value = section.get(system, key.name).unwrap_or(spec.default);

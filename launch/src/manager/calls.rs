@@ -67,7 +67,12 @@ impl Manager {
     }
 
     /// Hands a goal to the planner; its answer is passed on when it comes.
-    fn send_goal(&mut self, header: GoalHeader, waypoints: Vec<Waypoint>, reply: Sender<Response>) {
+    pub(super) fn send_goal(
+        &mut self,
+        header: GoalHeader,
+        waypoints: Vec<Waypoint>,
+        reply: Sender<Response>,
+    ) {
         let id = self.next_goal;
         self.next_goal += 1;
         let header = GoalHeader { goal_id: id, ..header };

@@ -14,7 +14,7 @@ mod member;
 mod start;
 mod supervise;
 
-use crate::config::System;
+use crate::config::{System, Task};
 use crate::logging::LogSink;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
@@ -22,7 +22,6 @@ use crate::shell::page::SharedPage;
 use crate::shell::transport::{Domain, HeldServices, Input, Output, SliceOutput, TransportError};
 use control::{Call, Response};
 use crossbeam_channel::{Receiver, Sender, unbounded};
-use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
@@ -76,8 +75,8 @@ pub struct Job {
     pub system: System,
     /// `Real` or `Lockstep`.
     pub clock: ClockKind,
-    /// The path to follow from the start, if any.
-    pub waypoints: Vec<WorldPoint>,
+    /// What to drive from the start, if anything.
+    pub task: Option<Task>,
     /// Whether to keep figures and a trace.
     pub record: bool,
 }

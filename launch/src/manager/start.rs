@@ -5,11 +5,14 @@ use super::control;
 use super::member::Member;
 use super::robot_dir::SOCKET;
 use super::{Event, Failure, Job, LAUNCH_PRIORITY, Manager, START_PATIENCE};
+use crate::config::Task;
 use crate::shell::ClockKind;
 use crate::shell::page::{Phase, SlotState};
 use crate::shell::realtime;
 use crate::shell::transport::write_config;
-use crossbeam_channel::Sender;
+use crossbeam_channel::{Sender, bounded};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{GoalHeader, GoalKind, Waypoint};
 use hilare_interfaces::wires::{self, Role};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -26,8 +29,8 @@ impl Manager {
         self.await_all(SlotState::Working)?;
         // After the children, which shall not inherit it.
         let _ = realtime::set_fifo(LAUNCH_PRIORITY, true);
-        if !self.job.waypoints.is_empty() {
-            self.await_path()?;
+        if let Some(task) = self.job.task.clone() {
+            self.await_path(&task)?;
         }
         self.report_grants();
         self.up = true;
@@ -89,7 +92,12 @@ impl Manager {
     }
 
     /// Waits until the waypoint selector has the path, so that the run begins with it at tick 0.
-    fn await_path(&mut self) -> Result<(), Failure> {
+    fn await_path(&mut self, task: &Task) -> Result<(), Failure> {
+        let (reply, answer) = bounded(1);
+        if let Task::Reach(goal) = task {
+            let header = GoalHeader { kind: GoalKind::Point.code(), ..GoalHeader::ZERO };
+            self.send_goal(header, vec![Waypoint::from(*goal)], reply);
+        }
         let deadline = Instant::now() + START_PATIENCE;
         let has_path = |member: &Member| {
             member.role == Role::WaypointSelector && member.health.is_some_and(|health| health.path_id > 0)
@@ -98,6 +106,9 @@ impl Manager {
             self.step(Duration::from_millis(1));
             if let Some(fault) = self.fault.take() {
                 return Err(Failure::Fault(fault));
+            }
+            if let Some(refused) = answer.try_recv().ok().filter(|answer| !answer.ok) {
+                return Err(Failure::Fault(format!("the planner: {}", refused.message)));
             }
             if self.interrupted || Instant::now() > deadline {
                 return Err(Failure::Fault("the path did not reach the waypoint selector".to_owned()));
@@ -134,8 +145,8 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
         std::fs::write(&file, text).map_err(|e| Failure::Refused(format!("{}: {e}", file.display())))
     };
     write("system.toml", job.system.to_toml())?;
-    if !job.waypoints.is_empty() {
-        write("waypoints.csv", hilare_planner::waypoint_file::write(&job.waypoints))?;
+    if let Some(Task::Follow(waypoints)) = &job.task {
+        write("waypoints.csv", hilare_planner::waypoint_file::write(waypoints))?;
     }
     write_config(dir, &job.system.robot).map_err(|e| Failure::Refused(e.to_string()))
 }

@@ -3,8 +3,10 @@
 
 mod canvas;
 mod labels;
+mod shapes;
 mod thin;
 
+pub mod plan;
 pub mod plots;
 pub mod summary;
 pub mod verdict;

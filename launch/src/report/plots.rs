@@ -2,12 +2,13 @@
 //! off the line.
 
 use super::canvas::{
-    Area, Axes, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, LEFT, LIGHT, ORANGE, PALE, RIGHT, Sample, VERMILION,
-    WIDTH, axes, line, px, sheet, text_style, text_width, top,
+    Area, Axes, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, LEFT, LIGHT, ORANGE, PALE, RIGHT, STONE, Sample,
+    VERMILION, WIDTH, axes, line, px, sheet, text_style, text_width, top,
 };
-use super::{labels, make_dir, thin, write_whole};
+use super::{labels, make_dir, shapes, thin, write_whole};
 use hilare_interfaces::block::TICKS_PER_SECOND;
 use hilare_interfaces::geometry::WorldPoint;
+use hilare_planner::Map;
 use hilare_recorder::trace::TraceRow;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
@@ -28,6 +29,8 @@ pub struct PlotInput<'a> {
     pub reference_speed_mps: f64,
     /// The run, oldest first.
     pub rows: &'a [TraceRow],
+    /// The map driven on.
+    pub map: Option<&'a Map>,
 }
 
 /// Points a curve is drawn with at most.
@@ -63,18 +66,18 @@ pub fn write_plots(dir: &Path, input: &PlotInput<'_>) -> io::Result<Vec<PathBuf>
 // --- where it went ---------------------------------------------------------------------------------
 
 /// The plane of the path plot, in `unit`s, the same number of pixels to a unit both ways.
-struct Plane {
-    x: Range<f64>,
-    y: Range<f64>,
+pub(super) struct Plane {
+    pub x: Range<f64>,
+    pub y: Range<f64>,
     /// Pixels of the plot's height.
-    height: i32,
+    pub height: i32,
     /// Pixels to a unit.
     scale: f64,
 }
 
 impl Plane {
     /// Holds all points with `margin` (units) about each.
-    fn around(points: impl Iterator<Item = (f64, f64)>, margin: f64) -> Self {
+    pub fn around(points: impl Iterator<Item = (f64, f64)>, margin: f64) -> Self {
         let mut low = (f64::INFINITY, f64::INFINITY);
         let mut high = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         for (x, y) in points {
@@ -106,6 +109,13 @@ impl Plane {
         ((x - self.x.start) * self.scale, (self.y.end - y) * self.scale)
     }
 
+    /// An obstacle, cut at the rim: plotters does not clip what is filled.
+    pub fn filled(&self, outline: &[(f64, f64)]) -> Polygon<(f64, f64)> {
+        let inside =
+            |(x, y): &(f64, f64)| (x.clamp(self.x.start, self.x.end), y.clamp(self.y.start, self.y.end));
+        Polygon::new(outline.iter().map(inside).collect::<Vec<_>>(), STONE.filled())
+    }
+
     fn point(&self, (x, y): (f64, f64)) -> (f64, f64) {
         (x / self.scale + self.x.start, self.y.end - y / self.scale)
     }
@@ -119,6 +129,8 @@ struct Trails {
     estimate: Vec<(f64, f64)>,
     truth: Vec<(f64, f64)>,
     radius: f64,
+    /// Outlines of the map's obstacles.
+    obstacles: Vec<Vec<(f64, f64)>>,
 }
 
 impl Trails {
@@ -129,6 +141,11 @@ impl Trails {
             input.rows.iter().filter_map(|row| usable(row.pose.x_m, row.pose.y_m)).collect();
         let truth: Vec<_> =
             input.rows.iter().filter_map(|row| usable(row.truth.x_m, row.truth.y_m)).collect();
+        let obstacles = input.map.map(shapes::outlines).unwrap_or_default();
+        let outlines: Vec<Vec<_>> = obstacles
+            .iter()
+            .map(|outline| outline.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect())
+            .collect();
         let all = || plan.iter().chain(&estimate).chain(&truth);
         // Millimetres as in the paper, as long as they can be read.
         let farthest = all().fold(0.0, |far: f64, (x, y)| far.max(x.abs()).max(y.abs()));
@@ -138,7 +155,9 @@ impl Trails {
         };
         let radius = input.acceptance_radius_m;
         let radius = if radius > 0.0 && radius < FAR_M { radius * per_metre } else { 0.0 };
-        Self { unit, per_metre, radius, plan: scaled(plan), estimate: scaled(estimate), truth: scaled(truth) }
+        let obstacles = outlines.into_iter().map(scaled).collect();
+        let (plan, estimate, truth) = (scaled(plan), scaled(estimate), scaled(truth));
+        Self { unit, per_metre, radius, plan, estimate, truth, obstacles }
     }
 
     fn plane(&self) -> Plane {
@@ -153,6 +172,9 @@ impl Trails {
         if self.radius > 0.0 && self.plan.len() <= DOTS {
             let radius = (self.radius * 10.0).round() / 10.0;
             legend.push(Key::new(Sample::Ring(LIGHT), format!("d_T {radius} {}", self.unit)));
+        }
+        if !self.obstacles.is_empty() {
+            legend.push(Key::new(Sample::Line(STONE, 9), "obstacles"));
         }
         legend.push(Key::new(Sample::Line(BLUE, 2), "estimate"));
         legend.push(Key::new(Sample::Line(ORANGE, 5), "truth"));
@@ -174,6 +196,12 @@ fn path_svg(input: &PlotInput<'_>) -> io::Result<String> {
 fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
     let (x_name, y_name) = (format!("x ({})", trails.unit), format!("y ({})", trails.unit));
     let mut chart = axes(area, (plane.x.clone(), &x_name), (plane.y.clone(), &y_name))?;
+    // plotters does not clip what is filled.
+    let inside =
+        |(x, y): (f64, f64)| (x.clamp(plane.x.start, plane.x.end), y.clamp(plane.y.start, plane.y.end));
+    chart.draw_series(trails.obstacles.iter().map(|outline| {
+        Polygon::new(outline.iter().map(|p| inside(*p)).collect::<Vec<_>>(), STONE.filled())
+    }))?;
     let (estimate, truth) = (thin::thin(&trails.estimate, POINTS), thin::thin(&trails.truth, POINTS));
     let radius = (trails.radius * plane.scale * f64::from(px(1))) as i32;
     if trails.plan.len() <= DOTS && radius > px(4) {

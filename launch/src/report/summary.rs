@@ -107,6 +107,9 @@ pub struct Summary {
     /// Hash of every bit of the estimated pose over all ticks, 16 lower-case hexadecimal digits: a
     /// JSON number would lose bits in most readers.
     pub state_hash: String,
+    /// Least distance between the true robot's rim and an obstacle of the map, m; only on a map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clearance_min_m: Option<f64>,
 }
 
 impl Summary {
@@ -148,6 +151,7 @@ impl Summary {
                 max: lateness.max_us,
             },
             state_hash: format!("{:016x}", figures.state_hash),
+            clearance_min_m: None,
         }
     }
 

@@ -186,6 +186,7 @@ fn input() -> PlotInput<'static> {
         acceptance_radius_m: 0.027,
         reference_speed_mps: 0.04,
         rows: &[],
+        map: None,
     }
 }
 
@@ -281,6 +282,7 @@ fn degenerate_runs_are_drawn() {
                     acceptance_radius_m: radius,
                     reference_speed_mps: speed,
                     rows,
+                    map: None,
                 };
                 drawn("degenerate", &input);
             }

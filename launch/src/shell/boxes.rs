@@ -1,21 +1,19 @@
 //! Which messages each box is stepped with, and what becomes of its answer.
 
 use super::pairing::Pairing;
-use super::transport::{Input, Output, SliceInput, SliceOutput};
+use super::transport::{Input, Output, SliceInput};
 use super::worker::{Reactive, Report, Worker};
 use super::{ClockKind, build};
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::Block;
-use hilare_interfaces::geometry::{WorldPoint, WorldPose};
-use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Command, GoalHeader, GoalKind, HealthState, MAX_WAYPOINTS, PathHeader, Pose, Reference, Steps,
-    Truth, Waypoint, text_field,
+    Command, HealthState, MAX_WAYPOINTS, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
 };
 use hilare_interfaces::wires;
 use hilare_plant::StepperDrive;
 use hilare_pose_estimator::PoseEstimator;
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
+use std::time::Duration;
 
 /// steps → pose.
 pub struct EstimatorProcess {
@@ -248,109 +246,11 @@ impl Reactive for PlantProcess {
     }
 }
 
-/// goal, pose → path, answer.
-pub struct PlannerProcess {
-    goal: SliceInput<GoalHeader, Waypoint>,
-    pose: Input<Pose>,
-    path: SliceOutput<PathHeader, Waypoint>,
-    answer: Output<Answer>,
-    acceptance_radius_m: f64,
-    robot: Option<WorldPose>,
-    /// The scenario's own path, published first of all.
-    first: Vec<WorldPoint>,
-    report: Report,
-}
-
-impl PlannerProcess {
-    /// Opens its ports and reads the scenario's path, if there is one.
-    pub fn new(worker: &Worker) -> Result<Self, String> {
-        let file = worker.assignment.runtime_dir.join("waypoints.csv");
-        let incarnation = worker.assignment.incarnation;
-        // A successor must not send the robot back to the beginning.
-        let first = match std::fs::File::open(&file) {
-            Ok(text) if incarnation == 1 => hilare_planner::waypoint_file::parse(text)
-                .map_err(|error| format!("{}:{error}", file.display()))?,
-            _ => Vec::new(),
-        };
-        Ok(Self {
-            goal: worker.domain.slice_input(&wires::GOAL)?,
-            pose: worker.domain.newest(&wires::POSE)?,
-            path: worker.domain.slice_output(&wires::PATH)?,
-            answer: worker.domain.output(&wires::ANSWER)?,
-            acceptance_radius_m: worker.system.tracking.acceptance_radius_m,
-            robot: None,
-            first,
-            // Path ids go up over restarts, too.
-            report: Report { path_id: (incarnation - 1) << 32, ..Report::default() },
-        })
-    }
-
-    fn publish(&mut self, goal_id: u64, path: &[WorldPoint]) -> bool {
-        let header = PathHeader { path_id: self.report.path_id + 1, goal_id };
-        let sent = self.path.send(&header, path.iter().map(|point| Waypoint::from(*point)));
-        if sent {
-            self.report.path_id = header.path_id;
-        }
-        sent
-    }
-
-    fn answer(&mut self, header: &GoalHeader, waypoints: &[WorldPoint]) -> Answer {
-        let refused = |why: &str| Answer { goal_id: header.goal_id, text: text_field(why), ..Answer::ZERO };
-        let Some(kind) = GoalKind::from_code(header.kind) else { return refused("unknown kind of goal") };
-        if header.has_heading != 0 {
-            return refused("a final heading cannot be promised yet; leave THETA away");
-        }
-        match hilare_planner::plan(kind, waypoints, self.robot, self.acceptance_radius_m) {
-            Err(refusal) => refused(&refusal.to_string()),
-            Ok(path) if self.publish(header.goal_id, &path) => Answer {
-                goal_id: header.goal_id,
-                accepted: 1,
-                waypoints: path.len() as u64,
-                text: text_field("accepted"),
-            },
-            Ok(_) => refused("the path could not be published; is /dev/shm full?"),
-        }
-    }
-}
-
-impl Reactive for PlannerProcess {
-    fn poll(&mut self, worker: &mut Worker) -> bool {
-        let first = std::mem::take(&mut self.first);
-        if !first.is_empty() && self.publish(0, &first) {
-            worker.page.ring(&wires::PATH);
-        }
-        if let Some(pose) = self.pose.last() {
-            self.robot = Some(pose.pose());
-            self.report.tick = pose.tick;
-        }
-        let goal = self.goal.next(|header, waypoints| {
-            (*header, waypoints.iter().map(|waypoint| waypoint.point()).collect::<Vec<_>>())
-        });
-        let Some((header, waypoints)) = goal else { return false };
-        let answer = self.answer(&header, &waypoints);
-        self.answer.send(&answer);
-        worker.page.ring(&wires::PATH);
-        self.report.steps += 1;
-        true
-    }
-
-    fn report(&self) -> Report {
-        self.report
-    }
-
-    fn connect(&self) {
-        self.goal.connect();
-        self.pose.connect();
-        self.path.connect();
-        self.answer.connect();
-    }
-}
-
 /// How long an observer sleeps between two looks.
-pub fn observer_interval(clock: ClockKind) -> std::time::Duration {
+pub fn observer_interval(clock: ClockKind) -> Duration {
     match clock {
-        ClockKind::Real => std::time::Duration::from_millis(10),
+        ClockKind::Real => Duration::from_millis(10),
         // The lockstep clock waits for the recorder; let it not wait long.
-        ClockKind::Lockstep | ClockKind::InProcess => std::time::Duration::from_millis(1),
+        ClockKind::Lockstep | ClockKind::InProcess => Duration::from_millis(1),
     }
 }

@@ -4,6 +4,7 @@ use super::ClockKind;
 use crate::config::System;
 use hilare_controller::{Controller, Identity, LawSetup};
 use hilare_interfaces::chassis::Chassis;
+use hilare_planner::Navigator;
 use hilare_plant::StepperDrive;
 use hilare_plant::stepper_drive::Body;
 use hilare_pose_estimator::PoseEstimator;
@@ -41,6 +42,12 @@ pub fn controller(system: &System, identity: Identity) -> Result<Controller, Str
     let built =
         (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
     Ok(Controller::new(built, identity, system.timing.period_ticks))
+}
+
+/// The planner, with the system's map if it has one.
+pub fn navigator(system: &System) -> Result<Navigator, String> {
+    let map = system.load_map().map_err(|error| error.to_string())?;
+    Ok(Navigator::new(map.as_ref(), &system.planner, system.tracking.acceptance_radius_m))
 }
 
 /// The simulated robot.

@@ -5,7 +5,7 @@
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
 //! * [`build`]: boxes from a system file,
-//! * [`boxes`], [`observer`], [`pairing`]: which messages each box is stepped with,
+//! * [`boxes`], [`planning`], [`observer`], [`pairing`]: which messages each box is stepped with,
 //! * [`clock`]: the step generator's process, which is the clock: `real` and `lockstep`,
 //! * [`in_process`]: all boxes in one thread.
 
@@ -16,6 +16,7 @@ pub mod in_process;
 pub mod observer;
 pub mod page;
 pub mod pairing;
+pub mod planning;
 pub mod realtime;
 pub mod transport;
 pub mod worker;

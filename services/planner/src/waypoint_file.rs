@@ -1,6 +1,6 @@
 //! Waypoint files: CSV with the header `x,y`, metres, one waypoint a line.
 
-use crate::{Refusal, check_path};
+use crate::goal::{PathRefusal, check_path};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::messages::MAX_WAYPOINTS;
 use std::fmt;
@@ -51,7 +51,7 @@ pub fn parse(text: impl Read) -> Result<Vec<WorldPoint>, WaypointFileError> {
         waypoints.push(parse_point(&line, number)?);
         numbers.push(number);
     }
-    check_path(&waypoints).map_err(|refusal: Refusal| {
+    check_path(&waypoints).map_err(|refusal: PathRefusal| {
         at(refusal.index().map_or(0, |index| numbers[index]), refusal.to_string())
     })?;
     Ok(waypoints)

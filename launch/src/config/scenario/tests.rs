@@ -1,6 +1,13 @@
 //! Scenarios: the built-in ones, and what is wrong with others.
 
 use super::*;
+
+fn path(scenario: &Scenario) -> &[WorldPoint] {
+    match &scenario.task {
+        Task::Follow(waypoints) => waypoints,
+        Task::Reach(_) => panic!("{} has no path of its own", scenario.name),
+    }
+}
 use proptest::prelude::*;
 use std::path::PathBuf;
 
@@ -43,15 +50,18 @@ const PATH: &str = "waypoints_m = [[0, 0], [1, 0]]\n";
 #[test]
 fn the_built_in_scenarios_start_where_the_paper_starts() {
     let expected = [("rectangle", 5, 2), ("rectangle-open", 4, 2), ("trapezoid", 5, 2), ("so", 43, 2)];
-    assert!(Scenario::builtin_names().eq(expected.map(|(name, ..)| name)));
+    assert!(Scenario::builtin_names().eq(expected.map(|(name, ..)| name).into_iter().chain(["platform"])));
+    let platform = Scenario::load("platform").unwrap();
+    assert_eq!(platform.task, Task::Reach(WorldPoint::new(0.7, 1.4)));
+    assert!(platform.system.load_map().unwrap().is_some());
     for (name, waypoints, published) in expected {
         let scenario = Scenario::load(name).unwrap();
         assert_eq!(
-            (&*scenario.name, scenario.waypoints.len(), scenario.published.len()),
+            (&*scenario.name, path(&scenario).len(), scenario.published.len()),
             (name, waypoints, published)
         );
         assert_eq!(scenario.system.start, WorldPose::new(0.2, 0.2, 0.0));
-        assert_eq!(scenario.waypoints[0], WorldPoint::new(0.2, 0.2));
+        assert_eq!(path(&scenario)[0], WorldPoint::new(0.2, 0.2));
         assert!(
             !scenario.description.is_empty() && scenario.published.iter().all(|row| !row.source.is_empty())
         );
@@ -60,7 +70,7 @@ fn the_built_in_scenarios_start_where_the_paper_starts() {
         assert_eq!(system, System::load("epuck").unwrap());
     }
     let rectangle = Scenario::load("rectangle").unwrap();
-    assert_eq!(rectangle.waypoints[4], rectangle.waypoints[0]);
+    assert_eq!(path(&rectangle)[4], path(&rectangle)[0]);
     assert_eq!(rectangle.published[0].cross_track_mean_m, Some(6.75e-3));
     assert_eq!(rectangle.published[1].speed_error_mean_mps, Some(2.9021e-3));
 }
@@ -76,7 +86,7 @@ fn a_scenario_changes_its_system() {
     assert_eq!((&*scenario.name, &*scenario.system.robot), ("square", "yours"));
     assert_eq!((scenario.system.plant.slip_mean, scenario.system.plant.slip_sd), (0.1, 0.3));
     assert_eq!(scenario.system.start, WorldPose::new(1.0, 0.0, 0.0));
-    assert_eq!(scenario.waypoints, [WorldPoint::new(0.0, 0.0), WorldPoint::new(0.0, 2.0)]);
+    assert_eq!(path(&scenario), [WorldPoint::new(0.0, 0.0), WorldPoint::new(0.0, 2.0)]);
     assert!(scenario.description.is_empty() && scenario.published.is_empty());
 }
 
@@ -86,7 +96,7 @@ fn another_path_starts_on_its_first_waypoint_and_has_nothing_published() {
     let file = folder.write("mine.csv", "x,y\n3,4\n5,4\n");
     let scenario = Scenario::load("rectangle").unwrap().with_path(&file).unwrap();
     assert_eq!(scenario.system.start, WorldPose::new(3.0, 4.0, 0.0));
-    assert_eq!((scenario.waypoints.len(), scenario.published.len(), &*scenario.name), (2, 0, "rectangle"));
+    assert_eq!((path(&scenario).len(), scenario.published.len(), &*scenario.name), (2, 0, "rectangle"));
     let wrong = folder.write("wrong.csv", "x,y\n3,4\n5,four\n");
     let error = Scenario::load("so").unwrap().with_path(&wrong).unwrap_err().to_string();
     assert_eq!(error, format!("{}:3: \"four\" is not a number", wrong.display()));
@@ -106,7 +116,7 @@ fn mistakes_are_one_line_with_their_place() {
         (PATH, "job.toml: no system; add system = \"epuck\" (built-in) or the path of a system file (.toml)"),
         (
             "system = \"epuck\"",
-            "job.toml: no path; add waypoints_m = [[x, y], [x, y]] or waypoints_file = \"FILE.csv\"",
+            "job.toml: no path; add waypoints_m = [[x, y], [x, y]], waypoints_file = \"FILE.csv\" or goal_m = [x, y]",
         ),
         ("system = 3", "job.toml:1: system: the number 3 is not text; write it in quotes"),
         (
@@ -138,14 +148,14 @@ fn mistakes_are_one_line_with_their_place() {
         ("waypoints_m = 3", "job.toml:1: waypoints_m: the number 3 is not an array [[x, y], [x, y]]"),
         (
             "waypoints_m = [[0, 0], [1, 0]]\nwaypoints_file = \"a.csv\"",
-            "job.toml:2: both waypoints_m and waypoints_file; delete one of them",
+            "job.toml:2: more than one of waypoints_m, waypoints_file and goal_m; keep one of them",
         ),
         ("start = 3", "job.toml:1: start: the number 3 is not a section; write [start]"),
         ("[set.start]\nx_m = 1", "job.toml:1: set.start: write [start] in a scenario"),
         (
             "sistem = \"epuck\"",
             "job.toml:1: unknown key \"sistem\" in a scenario; did you mean \"system\"? known: description, system, \
-             waypoints_m, waypoints_file, start, published, set; keys of the system stand in [set.SECTION]",
+             waypoints_m, waypoints_file, goal_m, start, published, set; keys of the system stand in [set.SECTION]",
         ),
         ("published = 3", "job.toml:1: published: the number 3 is not a list; write [[published]]"),
         (
@@ -196,7 +206,7 @@ fn unknown_names_are_answered_with_the_known_ones() {
     assert_eq!(
         Scenario::load("rectangel").unwrap_err().to_string(),
         "unknown scenario \"rectangel\"; did you mean \"rectangle\"? built-in: rectangle, rectangle-open, trapezoid, \
-         so; or a path ending in .toml"
+         so, platform; or a path ending in .toml"
     );
 }
 

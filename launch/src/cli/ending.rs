@@ -1,0 +1,89 @@
+//! What a run comes to: files, verdict, exit code.
+
+use super::run::{Drive, RunArgs};
+use super::{VerbResult, print};
+use crate::manager::Failure;
+use crate::report::{Counters, PlotInput, PublishedRow, RunIdentity, Summary, verdict_text, write_report};
+use crate::shell::observer::Handover;
+use hilare_interfaces::latency::Quantiles;
+use hilare_planner::{ClearanceField, Map};
+use hilare_recorder::trace::TraceRow;
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// What a run came to.
+pub struct End {
+    /// The recorder's figures, if it lived to hand them over.
+    pub handover: Option<Handover>,
+    /// The curves.
+    pub rows: Vec<TraceRow>,
+    /// The same as a file.
+    pub trace_csv: String,
+    /// Of the ticks.
+    pub lateness: Quantiles,
+    /// Workers started again.
+    pub restarts: u64,
+    /// Why it ended before it arrived.
+    pub stopped_by: Option<String>,
+    /// Something broke.
+    pub fault: bool,
+}
+
+/// Least distance between the true robot's rim and an obstacle, m; negative inside one.
+fn least_clearance_m(map: &Map, rows: &[TraceRow], radius_m: f64) -> Option<f64> {
+    let field = ClearanceField::new(map);
+    let clearances = rows.iter().filter_map(|row| field.clearance_m(row.truth.position()));
+    clearances.min_by(f64::total_cmp).filter(|least| least.is_finite()).map(|least| least - radius_m)
+}
+
+/// Writes the report, prints the verdict, answers with the exit code.
+pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbResult {
+    let scenario = drive.scenario;
+    let Some(handover) = end.handover else {
+        return Err(Failure::Fault(end.stopped_by.unwrap_or_default()));
+    };
+    let law = scenario.system.controller.law.name;
+    let mut summary = Summary::new(
+        RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
+        &handover.figures,
+        scenario.system.chassis.wheels(),
+        Counters { swaps: 0, restarts: end.restarts },
+        end.lateness,
+    );
+    let radius_m = scenario.system.planner.robot_radius_m;
+    summary.clearance_min_m = drive.map.and_then(|map| least_clearance_m(map, &end.rows, radius_m));
+    let plots = PlotInput {
+        title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
+        waypoints: drive.waypoints,
+        map: drive.map,
+        acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
+        reference_speed_mps: scenario.system.tracking.speed_mps,
+        rows: &end.rows,
+    };
+    write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
+    if args.json {
+        print(&summary.to_json());
+    } else {
+        let published: Vec<PublishedRow<'_>> = scenario
+            .published
+            .iter()
+            .map(|row| PublishedRow {
+                source: &row.source,
+                cross_track_mean_m: row.cross_track_mean_m,
+                speed_error_mean_mps: row.speed_error_mean_mps,
+            })
+            .collect();
+        let color = io::stdout().is_terminal();
+        print(&verdict_text(&summary, &published, end.stopped_by.as_deref(), color));
+        print(&format!("Report: {}\n", out.display()));
+    }
+    if handover.gaps > 0 {
+        return Err(Failure::Fault(format!(
+            "{} ticks were lost to the recorder; the figures lack them",
+            handover.gaps
+        )));
+    }
+    let arrived = summary.reached && !end.fault;
+    Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}

@@ -1,0 +1,104 @@
+//! From a goal to a path, with or without a map: what the planner process asks.
+
+use crate::goal::{check_goal, check_path, direct_path};
+use crate::{Budget, ClearanceField, Map, Plan, Planner, PlannerSettings, Refusal};
+use hilare_interfaces::geometry::WorldPoint;
+use hilare_interfaces::messages::{GoalKind, MAX_WAYPOINTS};
+
+/// Answers goals for one robot, on one map if there is one. The roadmap is kept between goals.
+#[derive(Debug)]
+pub struct Navigator {
+    planner: Option<Planner>,
+    acceptance_radius_m: f64,
+    plan: Plan,
+}
+
+impl Navigator {
+    /// For a robot that takes a waypoint as reached within `acceptance_radius_m`.
+    pub fn new(map: Option<&Map>, settings: &PlannerSettings, acceptance_radius_m: f64) -> Self {
+        let planner = map.map(|map| Planner::new(ClearanceField::new(map), settings.params()));
+        Self { planner, acceptance_radius_m, plan: Plan::default() }
+    }
+
+    /// The path from `robot` for a goal, or why there is none: one line for people.
+    ///
+    /// On a map, a point is reached around obstacles; waypoints to follow are the operator's choice and
+    /// are taken as they are.
+    pub fn path(
+        &mut self,
+        kind: GoalKind,
+        waypoints: &[WorldPoint],
+        robot: WorldPoint,
+        budget: &mut dyn Budget,
+    ) -> Result<Vec<WorldPoint>, String> {
+        let (Some(planner), GoalKind::Point, Some(goal)) = (&mut self.planner, kind, waypoints.first())
+        else {
+            return direct_path(kind, waypoints, robot, self.acceptance_radius_m).map_err(|e| e.to_string());
+        };
+        check_goal(*goal, robot, self.acceptance_radius_m).map_err(|e| e.to_string())?;
+        planner
+            .plan_into(robot, *goal, budget, &mut self.plan)
+            .map_err(|refusal| advice(refusal).to_owned())?;
+        if self.plan.waypoints.len() > MAX_WAYPOINTS {
+            return Err(format!("the path has more than {MAX_WAYPOINTS} waypoints; raise planner.spacing_m"));
+        }
+        check_path(&self.plan.waypoints).map_err(|e| e.to_string())?;
+        Ok(self.plan.waypoints.clone())
+    }
+
+    /// The planner, if there is a map.
+    pub fn planner(&self) -> Option<&Planner> {
+        self.planner.as_ref()
+    }
+}
+
+/// A refusal with what to do about it.
+fn advice(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::NotFinite => "start or goal is not a finite point",
+        Refusal::StartOutsideMap => "the robot is outside the map; is its frame that of the pose?",
+        Refusal::GoalOutsideMap => "the goal is outside the map",
+        Refusal::StartInObstacle => "the robot (radius and margin) touches an obstacle where it stands",
+        Refusal::GoalInObstacle => "the robot (radius and margin) would touch an obstacle at the goal",
+        Refusal::NoWay => "no way leads there for a robot of this radius and margin",
+        Refusal::OutOfTime => {
+            "the deadline passed before a way was found or excluded; raise planner.deadline_ms"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Unlimited;
+    use crate::map::{MapFrame, Unknown};
+
+    /// 4 m x 4 m with a wall at x = 2 m that leaves a gap at the top.
+    fn walled() -> Map {
+        let frame = MapFrame::new("map", WorldPoint::new(0.0, 0.0), 0.0, 0.1, 40, 40).unwrap();
+        let cells = (0..1600).map(|c| if c % 40 == 20 && c / 40 < 30 { 100 } else { 0 }).collect();
+        Map::from_cells(frame, cells, Unknown::Blocked).unwrap()
+    }
+
+    #[test]
+    fn a_point_behind_a_wall_is_reached_around_it_and_followed_waypoints_are_not_second_guessed() {
+        let settings = PlannerSettings { robot_radius_m: 0.2, spacing_m: 0.3, ..PlannerSettings::default() };
+        let mut navigator = Navigator::new(Some(&walled()), &settings, 0.05);
+        let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
+        let path = navigator.path(GoalKind::Point, &[goal], robot, &mut Unlimited).unwrap();
+        assert!(path.len() > 5 && path[0] == robot && *path.last().unwrap() == goal);
+        assert!(path.iter().any(|point| point.y_m > 3.0));
+        let straight = navigator.path(GoalKind::Follow, &[robot, goal], robot, &mut Unlimited).unwrap();
+        assert_eq!(straight, [robot, goal]);
+        let inside = WorldPoint::new(2.05, 1.0);
+        let refused = navigator.path(GoalKind::Point, &[inside], robot, &mut Unlimited).unwrap_err();
+        assert!(refused.contains("would touch an obstacle at the goal"), "{refused}");
+    }
+
+    #[test]
+    fn without_a_map_a_point_is_a_straight_line() {
+        let mut navigator = Navigator::new(None, &PlannerSettings::default(), 0.05);
+        let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
+        assert_eq!(navigator.path(GoalKind::Point, &[goal], robot, &mut Unlimited).unwrap(), [robot, goal]);
+    }
+}
