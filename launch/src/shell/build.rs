@@ -2,7 +2,7 @@
 
 use super::ClockKind;
 use crate::config::System;
-use hilare_controller::{Controller, Identity, LawSetup};
+use hilare_controller::{Controller, Identity, LawSetup, TwistLimits};
 use hilare_interfaces::chassis::Chassis;
 use hilare_planner::Navigator;
 use hilare_plant::StepperDrive;
@@ -38,7 +38,18 @@ pub fn waypoint_selector(system: &System) -> WaypointSelector {
 pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
     let law = system.controller.law;
     let values = system.controller.values();
-    let setup = LawSetup { chassis: &system.chassis, values: &values };
+    let setup = LawSetup {
+        chassis: &system.chassis,
+        limits: TwistLimits {
+            v_min_mps: system.limits.v_min_mps,
+            v_max_mps: system.limits.v_max_mps,
+            omega_max_radps: system.limits.omega_max_radps,
+        },
+        acceptance_radius_m: system.tracking.acceptance_radius_m,
+        accept_at_bisector: system.tracking.accept_at_bisector,
+        period_ticks: system.timing.period_ticks,
+        values: &values,
+    };
     let built =
         (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
     Ok(Controller::new(built, identity, system.timing.period_ticks))

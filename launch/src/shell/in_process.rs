@@ -113,3 +113,41 @@ impl InProcess {
         record
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Scenario, Task};
+
+    /// Mean cross-track and speed error, mm and mm/s.
+    fn run(scenario: &str, law: &str, bisector: bool) -> (f64, f64) {
+        let mut scenario = Scenario::load(scenario).expect("built in");
+        let assignments =
+            [format!("controller.law={law}"), format!("tracking.accept_at_bisector={bisector}")];
+        scenario.system.set_all(&assignments).expect("known keys");
+        let Task::Follow(waypoints) = &scenario.task else { panic!("it has no path of its own") };
+        let mut robot = InProcess::new(&scenario.system, waypoints).expect("a robot");
+        let figures = robot.run(200_000).statistics.figures();
+        assert!(figures.reached);
+        (figures.cross_track_mean_m * 1e3, figures.speed_error_mean_mps * 1e3)
+    }
+
+    #[test]
+    fn the_predictive_law_meets_its_yardstick() {
+        for (scenario, cross_track_mm) in [("trapezoid", 1.3), ("rectangle", 1.05), ("so", 0.5)] {
+            let (cross_track, speed) = run(scenario, "qp", true);
+            assert!(
+                cross_track <= cross_track_mm && speed <= 0.3,
+                "{scenario}: {cross_track} mm, {speed} mm/s"
+            );
+        }
+    }
+
+    #[test]
+    fn on_the_same_selector_it_beats_kanayama_in_both_figures() {
+        for scenario in ["trapezoid", "rectangle", "rectangle-open", "so"] {
+            let (ours, theirs) = (run(scenario, "qp", false), run(scenario, "kanayama", false));
+            assert!(ours.0 < 0.6 * theirs.0 && ours.1 < 0.2 * theirs.1, "{scenario}: {ours:?} {theirs:?}");
+        }
+    }
+}

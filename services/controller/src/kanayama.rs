@@ -13,11 +13,10 @@
 //! Departs from the paper in one point: with the waypoint straight behind, sin θ_e is 0 and v_c
 //! negative, so the paper's robot would stand still for ever; ours turns left.
 
-use crate::{ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
-use alloc::boxed::Box;
+use crate::{Built, ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
 use hilare_interfaces::geometry::{BodyError, BodyTwist, Segment, WorldPose};
 use hilare_interfaces::param_group;
-use hilare_interfaces::params::{ParamError, ParamGroup};
+use hilare_interfaces::params::ParamGroup;
 
 param_group! {
     /// Gains; the defaults are the paper's point A (table 2).
@@ -44,7 +43,7 @@ pub const SPEC: LawSpec = LawSpec {
     build,
 };
 
-fn build(setup: &LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)> {
+fn build(setup: &LawSetup<'_>) -> Built {
     let mut gains = KanayamaGains::default();
     for (name, value) in setup.values {
         gains.set(name, *value).map_err(|error| (*name, error))?;

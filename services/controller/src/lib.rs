@@ -2,15 +2,10 @@
 //!
 //! A law turns a reference and a pose into a body velocity. Adding one is one file here and one line
 //! in [`LAWS`]; its [`LawSpec`] feeds the command line, the system file reader and the tests.
-#![no_std]
-
-extern crate alloc;
-#[cfg(test)]
-extern crate std;
 
 pub mod kanayama;
+pub mod qp;
 
-use alloc::boxed::Box;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
@@ -18,7 +13,7 @@ use hilare_interfaces::messages::{Command, Pose, Reference, ReferenceState};
 use hilare_interfaces::params::{ParamError, ParamSpec};
 
 /// Every law that can be named.
-pub const LAWS: &[LawSpec] = &[kanayama::SPEC];
+pub const LAWS: &[LawSpec] = &[kanayama::SPEC, qp::SPEC];
 
 /// The law of a name.
 pub fn law(name: &str) -> Option<&'static LawSpec> {
@@ -26,7 +21,10 @@ pub fn law(name: &str) -> Option<&'static LawSpec> {
 }
 
 /// Builds a law, or says which parameter is wrong and why.
-pub type BuildLaw = fn(&LawSetup<'_>) -> Result<Box<dyn ControlLaw>, (&'static str, ParamError)>;
+pub type BuildLaw = fn(&LawSetup<'_>) -> Built;
+
+/// A law, or the parameter that was refused and why.
+pub type Built = Result<Box<dyn ControlLaw>, (&'static str, ParamError)>;
 
 /// What is to be known of a law before it runs.
 #[derive(Clone, Copy)]
@@ -45,11 +43,30 @@ pub struct LawSpec {
     pub build: BuildLaw,
 }
 
+/// The input constraints a twist meets in the step generator; the motor diamond is the chassis's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwistLimits {
+    /// Least speed along x, v_min.
+    pub v_min_mps: f64,
+    /// Greatest linear speed, v_max.
+    pub v_max_mps: f64,
+    /// Greatest yaw rate, ω_max.
+    pub omega_max_radps: f64,
+}
+
 /// What a law is built from.
 #[derive(Clone, Copy, Debug)]
 pub struct LawSetup<'a> {
     /// The robot.
     pub chassis: &'a Chassis,
+    /// What the step generator lets through.
+    pub limits: TwistLimits,
+    /// Distance at which the selector accepts a waypoint, d_T, m.
+    pub acceptance_radius_m: f64,
+    /// It accepts there only once the next line is as near as the current one.
+    pub accept_at_bisector: bool,
+    /// Ticks from one command to the next, and from a pose to the command it leads to.
+    pub period_ticks: u64,
     /// Parameter values by name; what is missing has its default.
     pub values: &'a [(&'static str, f64)],
 }
@@ -61,6 +78,8 @@ pub struct LawInputs<'a> {
     pub pose: WorldPose,
     /// What to track.
     pub reference: &'a Reference,
+    /// What this controller commanded last: it acts until the command of this step does.
+    pub acting: BodyTwist,
 }
 
 /// What a law answers.
@@ -106,12 +125,13 @@ pub struct Controller {
     period_ticks: u64,
     seq: u64,
     path_id: u64,
+    acting: BodyTwist,
 }
 
 impl Controller {
     /// A controller whose commands act `period_ticks` after their pose.
     pub fn new(law: Box<dyn ControlLaw>, identity: Identity, period_ticks: u64) -> Self {
-        Self { law, identity, period_ticks, seq: 0, path_id: 0 }
+        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO }
     }
 }
 
@@ -126,10 +146,11 @@ impl Block for Controller {
             self.law.reset();
         }
         let output = if reference.state == ReferenceState::Tracking.code() {
-            self.law.step(LawInputs { pose: inputs.pose.pose(), reference })
+            self.law.step(LawInputs { pose: inputs.pose.pose(), reference, acting: self.acting })
         } else {
             LawOutput { twist: BodyTwist::ZERO, degraded: false }
         };
+        self.acting = output.twist;
         self.seq += 1;
         Command {
             source: self.identity.source,

@@ -11,6 +11,7 @@ extern crate std;
 
 use alloc::vec::Vec;
 use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::geometry::{Segment, WorldPoint};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
     MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint,
@@ -24,6 +25,9 @@ param_group! {
         speed_mps: f64 = 0.040, "m/s", 0.0, 10.0;
         /// Acceptance radius of a waypoint, d_T (the paper's is half the track).
         acceptance_radius_m: f64 = 0.027, "m", 1e-4, 10.0;
+        /// Inside that radius, wait until the next line is as near as the current one (the paper
+        /// accepts on the rim).
+        accept_at_bisector: bool = false, "", 0, 1;
     }
 }
 
@@ -52,6 +56,8 @@ pub struct WaypointSelector {
     waypoints: Vec<Waypoint>,
     reference: Reference,
     rejected_paths: u64,
+    /// The last pose was inside the circle of the current waypoint.
+    inside: bool,
 }
 
 impl WaypointSelector {
@@ -62,6 +68,7 @@ impl WaypointSelector {
             waypoints: Vec::with_capacity(MAX_WAYPOINTS),
             reference: Reference::ZERO,
             rejected_paths: 0,
+            inside: false,
         }
     }
 
@@ -91,6 +98,7 @@ impl WaypointSelector {
 
     /// Makes waypoint `index` the current one.
     fn point_at(&mut self, index: usize) {
+        self.inside = false;
         self.reference.index = index as u64;
         self.reference.last = self.waypoints[index - 1];
         self.reference.current = self.waypoints[index];
@@ -98,6 +106,22 @@ impl WaypointSelector {
         let len = coming.len().min(PREVIEW);
         self.reference.preview_len = len as u64;
         self.reference.preview[..len].copy_from_slice(&coming[..len]);
+    }
+
+    /// `[MH18] (8)`, or, where asked for, (8) and at the best point of the circle: where the robot
+    /// passes from the current line to the next, at the latest when it leaves.
+    fn accepts(&mut self, robot: WorldPoint) -> bool {
+        let current = self.reference.current.point();
+        let inside = robot.distance_m(current) <= self.tracking.acceptance_radius_m;
+        let left = self.inside && !inside;
+        self.inside = inside;
+        if !self.tracking.accept_at_bisector || self.reference.preview_len == 0 {
+            return inside;
+        }
+        let line = Segment::new(self.reference.last.point(), current);
+        let next = Segment::new(current, self.reference.preview[0].point());
+        let nearer = || next.cross_track_m(robot).abs() <= line.cross_track_m(robot).abs();
+        left || (inside && nearer())
     }
 }
 
@@ -112,8 +136,7 @@ impl Block for WaypointSelector {
         self.reference.tick = tick;
         if self.reference.state == ReferenceState::Tracking.code() {
             let robot = inputs.pose.pose().position();
-            // [MH18] (8)
-            if robot.distance_m(self.reference.current.point()) <= self.tracking.acceptance_radius_m {
+            if self.accepts(robot) {
                 let next = self.reference.index as usize + 1;
                 if next < self.waypoints.len() {
                     self.point_at(next);
@@ -162,6 +185,26 @@ mod tests {
         let done = step(&mut selector, &at(0.4, 0.3), None);
         assert_eq!((done.state, done.index, done.last), (ReferenceState::Arrived.code(), 3, square[2]));
         assert_eq!(step(&mut selector, &at(0.0, 0.0), None).state, ReferenceState::Arrived.code());
+    }
+
+    #[test]
+    fn at_the_bisector_it_waits_for_the_best_point_but_not_beyond_the_circle() {
+        let tracking = Tracking { accept_at_bisector: true, ..Tracking::default() };
+        let corner = path(&[(0.0, 0.0), (0.4, 0.0), (0.4, 0.3)]);
+        let mut selector = WaypointSelector::new(tracking);
+        step(&mut selector, &at(0.0, 0.0), Some(&corner));
+        // Inside, but nearer to the line it is on; then past the bisector.
+        assert_eq!(step(&mut selector, &at(0.38, 0.001), None).index, 1);
+        assert_eq!(step(&mut selector, &at(0.39, 0.009), None).index, 1);
+        assert_eq!(step(&mut selector, &at(0.391, 0.0095), None).index, 2);
+        // The last waypoint leads to no other line: (8) as it stands.
+        assert_eq!(step(&mut selector, &at(0.4, 0.274), None).state, ReferenceState::Arrived.code());
+
+        // In and out again on the near side: accepted on leaving, as every circle visited is.
+        let mut selector = WaypointSelector::new(tracking);
+        step(&mut selector, &at(0.0, 0.0), Some(&corner));
+        assert_eq!(step(&mut selector, &at(0.375, 0.0), None).index, 1);
+        assert_eq!(step(&mut selector, &at(0.372, 0.0), None).index, 2);
     }
 
     #[test]

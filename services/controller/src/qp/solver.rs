@@ -1,0 +1,193 @@
+//! The quadratic programme in clarabel's form, updated in place.
+//!
+//! Variables: k_0 … k_{N−1}, z_0 … z_{N−1}. Rows of stage j, each `A x ≤ b`:
+//!
+//! ```text
+//!    k_j − hi_j z_j ≤ 0        yaw rate: lo ≤ ω/ω_max ≤ hi (stage 0: as far as it can change)
+//!   −k_j + lo_j z_j ≤ 0
+//!         −z_j ≤ −least_j      speed: v_hi/z between its bounds (stage 0 likewise)
+//!          z_j ≤ most_j
+//!   ± m k_j − z_j ≤ −d         motor diamond d/z + m|k|/z ≤ 1; left out where the box implies it
+//! ```
+//!
+//! There is always a feasible point: what acts now, held. Presolve and the dropping of zeros are off
+//! and the pattern is full, so the set-up is done once; equilibration is off because the problem comes
+//! in pure numbers near 1.
+
+use super::model::{Model, TRIANGLE, entry};
+use super::rollout::{Plan, STAGES};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
+
+/// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
+const TOLERANCE: f64 = 1e-9;
+
+/// Bounds of one stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageBounds {
+    /// Least ω/ω_max.
+    pub turn_lo: f64,
+    /// Greatest ω/ω_max.
+    pub turn_hi: f64,
+    /// Least slowness.
+    pub slowness_lo: f64,
+    /// Greatest slowness.
+    pub slowness_hi: f64,
+}
+
+/// What the inputs may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The first stage: also within reach of what acts now.
+    pub first: StageBounds,
+    /// All others.
+    pub rest: StageBounds,
+    /// Motor use of v_hi, d.
+    pub motor_straight: f64,
+    /// Motor use of ω_max, m.
+    pub motor_turn: f64,
+}
+
+impl Bounds {
+    fn of(&self, stage: usize) -> &StageBounds {
+        if stage == 0 { &self.first } else { &self.rest }
+    }
+}
+
+/// How a solve went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// The optimum was reached within the iteration cap.
+    pub solved: bool,
+    /// Interior-point iterations.
+    pub iterations: u32,
+}
+
+/// The solver with its memory.
+pub struct Solver {
+    inner: DefaultSolver<f64>,
+    rows: usize,
+    hessian: Vec<f64>,
+    gradient: Vec<f64>,
+    matrix: Vec<f64>,
+    bound: Vec<f64>,
+}
+
+impl Solver {
+    /// Allocates everything. `diamond`: the box of speeds reaches outside the motor diamond.
+    pub fn new(diamond: bool, max_iter: u32) -> Option<Self> {
+        Self::with_tolerance(diamond, max_iter, TOLERANCE)
+    }
+
+    /// The same, stopping at another tolerance.
+    pub fn with_tolerance(diamond: bool, max_iter: u32, tolerance: f64) -> Option<Self> {
+        let rows = if diamond { 6 } else { 4 };
+        let variables = 2 * STAGES;
+        // H: a full upper triangle for k, a diagonal for z.
+        let mut columns = vec![0];
+        let mut places = Vec::new();
+        for j in 0..variables {
+            places.extend(if j < STAGES { 0..=j } else { j..=j });
+            columns.push(places.len());
+        }
+        let start = identity();
+        let hessian = CscMatrix::new(variables, variables, columns, places, start.clone());
+        let matrix = pattern(rows);
+        let bound = vec![1.0; rows * STAGES];
+        let gradient = vec![0.0; variables];
+        let settings = DefaultSettings {
+            verbose: false,
+            max_iter,
+            time_limit: f64::INFINITY,
+            max_threads: 1,
+            presolve_enable: false,
+            input_sparse_dropzeros: false,
+            equilibrate_enable: false,
+            tol_gap_abs: tolerance,
+            tol_gap_rel: tolerance,
+            tol_feas: tolerance,
+            iterative_refinement_enable: false,
+            ..DefaultSettings::default()
+        };
+        let cones = [NonnegativeConeT(rows * STAGES)];
+        let mut inner = DefaultSolver::new(&hessian, &gradient, &matrix, &bound, &cones, settings).ok()?;
+        // The first solve allocates more than the later ones (one, clarabel's timers).
+        inner.solve();
+        Some(Self { inner, rows, hessian: start, gradient, matrix: matrix.nzval, bound })
+    }
+
+    /// Solves; the plan is left as it was unless finite numbers came back.
+    pub fn solve(&mut self, model: &Model, bounds: &Bounds, plan: &mut Plan) -> Outcome {
+        self.write(model, bounds);
+        let updated = self.inner.update_P(&self.hessian).is_ok()
+            && self.inner.update_q(&self.gradient).is_ok()
+            && self.inner.update_A(&self.matrix).is_ok()
+            && self.inner.update_b(&self.bound).is_ok();
+        if !updated {
+            return Outcome { solved: false, iterations: 0 };
+        }
+        self.inner.solve();
+        let solution = &self.inner.solution;
+        let usable = matches!(
+            solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::MaxIterations
+        ) && solution.x.iter().all(|value| value.is_finite());
+        if usable {
+            plan.curvature.copy_from_slice(&solution.x[..STAGES]);
+            plan.slowness.copy_from_slice(&solution.x[STAGES..]);
+        }
+        let solved = matches!(solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved);
+        Outcome { solved: solved && usable, iterations: solution.iterations }
+    }
+
+    fn write(&mut self, model: &Model, bounds: &Bounds) {
+        self.hessian[..TRIANGLE].copy_from_slice(&model.hessian[..]);
+        self.hessian[TRIANGLE..].copy_from_slice(&model.slowness_hessian);
+        self.gradient[..STAGES].copy_from_slice(&model.gradient);
+        self.gradient[STAGES..].copy_from_slice(&model.slowness_gradient);
+        let (per_turn, per_slowness) = (self.rows - 2, self.rows);
+        for j in 0..STAGES {
+            let stage = bounds.of(j);
+            let slowness = STAGES * per_turn + j * per_slowness;
+            self.matrix[slowness] = -stage.turn_hi;
+            self.matrix[slowness + 1] = stage.turn_lo;
+            let row = j * self.rows;
+            self.bound[row] = 0.0;
+            self.bound[row + 1] = 0.0;
+            self.bound[row + 2] = -stage.slowness_lo;
+            self.bound[row + 3] = stage.slowness_hi;
+            if self.rows == 6 {
+                let turn = j * per_turn;
+                self.matrix[turn + 2] = bounds.motor_turn;
+                self.matrix[turn + 3] = -bounds.motor_turn;
+                self.bound[row + 4] = -bounds.motor_straight;
+                self.bound[row + 5] = -bounds.motor_straight;
+            }
+        }
+    }
+}
+
+/// Ones on the diagonal of the full pattern: values for the set-up.
+fn identity() -> Vec<f64> {
+    let mut values = vec![0.0; TRIANGLE + STAGES];
+    (0..STAGES).for_each(|j| values[entry(j, j)] = 1.0);
+    values[TRIANGLE..].fill(1.0);
+    values
+}
+
+/// The constraint matrix, by columns, with the constant entries in place.
+fn pattern(rows: usize) -> CscMatrix<f64> {
+    let (mut columns, mut places, mut values) = (vec![0], Vec::new(), Vec::new());
+    let turn = [(0, 1.0), (1, -1.0), (4, 1.0), (5, -1.0)];
+    let slowness = [(0, -1.0), (1, -1.0), (2, -1.0), (3, 1.0), (4, -1.0), (5, -1.0)];
+    for column in [&turn[..], &slowness[..]] {
+        for j in 0..STAGES {
+            for (row, value) in column.iter().filter(|(row, _)| *row < rows) {
+                places.push(j * rows + row);
+                values.push(*value);
+            }
+            columns.push(places.len());
+        }
+    }
+    CscMatrix::new(rows * STAGES, 2 * STAGES, columns, places, values)
+}
