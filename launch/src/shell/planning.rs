@@ -10,6 +10,9 @@ use hilare_interfaces::wires;
 use hilare_planner::{Budget, Navigator};
 use std::time::{Duration, Instant};
 
+/// Why a goal was not planned for.
+const OVERTAKEN: &str = "overtaken by a newer goal";
+
 /// goal, pose → path, answer.
 pub struct PlannerProcess {
     navigator: Navigator,
@@ -67,8 +70,11 @@ impl PlannerProcess {
         if header.has_heading != 0 {
             return refused("a final heading cannot be promised yet; leave THETA away");
         }
-        let mut budget = WallClock::until(self.deadline);
+        let goals = &self.goal;
+        let mut budget =
+            Until { start: Instant::now(), limit: self.deadline, newer_goal: || goals.waiting() };
         match self.navigator.path(kind, waypoints, self.robot, &mut budget) {
+            Err(_) if self.goal.waiting() => refused(OVERTAKEN),
             Err(why) => refused(&why),
             Ok(path) if self.publish(header.goal_id, &path) => Answer {
                 goal_id: header.goal_id,
@@ -98,7 +104,7 @@ impl Reactive for PlannerProcess {
         };
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
-            let text = text_field("overtaken by a newer goal");
+            let text = text_field(OVERTAKEN);
             self.answer.send(&Answer { goal_id: goal.0.goal_id, text, ..Answer::ZERO });
             goal = newer;
         }
@@ -121,20 +127,15 @@ impl Reactive for PlannerProcess {
     }
 }
 
-/// A deadline on the machine's clock; zero is none.
-struct WallClock {
+/// Until a deadline on the machine's clock (zero is none), or until nobody wants the answer any more.
+struct Until<F> {
     start: Instant,
     limit: Duration,
+    newer_goal: F,
 }
 
-impl WallClock {
-    fn until(limit: Duration) -> Self {
-        Self { start: Instant::now(), limit }
-    }
-}
-
-impl Budget for WallClock {
+impl<F: Fn() -> bool> Budget for Until<F> {
     fn exhausted(&mut self) -> bool {
-        !self.limit.is_zero() && self.start.elapsed() >= self.limit
+        (!self.limit.is_zero() && self.start.elapsed() >= self.limit) || (self.newer_goal)()
     }
 }

@@ -374,6 +374,11 @@ pub struct SliceInput<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> 
 }
 
 impl<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug> SliceInput<H, T> {
+    /// True if there is a message not yet read.
+    pub fn waiting(&self) -> bool {
+        self.subscriber.has_samples().unwrap_or(false)
+    }
+
     /// Gives the oldest message not yet read to `read`, in place.
     pub fn next<R>(&self, read: impl FnOnce(&H, &[T]) -> R) -> Option<R> {
         let sample = self.subscriber.receive().ok().flatten()?;
