@@ -21,7 +21,7 @@ const FINE: i32 = 4;
 /// Width of a sheet, pixels.
 pub const WIDTH: i32 = 800;
 /// Obstacles.
-pub const STONE: RGBColor = RGBColor(190, 190, 190);
+pub const STONE: RGBColor = RGBColor(140, 140, 140);
 /// Left of the plot: axis description and labels, pixels.
 pub const LEFT: i32 = 92;
 /// Of it, air left of the axis description, which plotters would put half off the sheet.

@@ -14,6 +14,9 @@ use std::io;
 /// Roadmap edges drawn at most; a denser one would be a grey sheet.
 const EDGES: usize = 20_000;
 
+/// Waypoints up to which each has a dot; more would hide the path.
+const DOTS: usize = 100;
+
 /// The plan as SVG, metres.
 pub fn plan_svg(
     title: &str,
@@ -33,16 +36,17 @@ pub fn plan_svg(
     let legend = [
         Key::new(Sample::Line(STONE, 9), "obstacles"),
         Key::new(Sample::Line(PALE, 1), "roadmap"),
-        Key::new(Sample::Line(BLUE, 2), "path"),
+        Key::new(Sample::Line(BLUE, 3), "path"),
         Key::new(Sample::Start, "start"),
         Key::new(Sample::End, "goal"),
     ];
     sheet(top(&legend) + plane.height + BOTTOM, title, &legend, |area| {
         let mut chart = axes(area, (plane.x.clone(), "x (m)"), (plane.y.clone(), "y (m)"))?;
-        chart.draw_series(obstacles.iter().map(|outline| plane.filled(outline)))?;
+        // The roadmap is dense; what it must not hide is drawn over it.
         chart.draw_series(edges.iter().map(|edge| PathElement::new(edge.to_vec(), line(PALE, 1))))?;
-        chart.draw_series(LineSeries::new(path.iter().copied(), line(BLUE, 2)))?;
-        if path.len() <= 500 {
+        chart.draw_series(obstacles.iter().map(|outline| plane.filled(outline)))?;
+        chart.draw_series(LineSeries::new(path.iter().copied(), line(BLUE, 3)))?;
+        if path.len() <= DOTS {
             chart.draw_series(path.iter().map(|point| Circle::new(*point, px(2), DARK.filled())))?;
         }
         if let (Some(start), Some(goal)) = (path.first(), path.last()) {
