@@ -221,7 +221,7 @@ impl PlantProcess {
 }
 
 impl Reactive for PlantProcess {
-    fn poll(&mut self, worker: &mut Worker) -> bool {
+    fn poll(&mut self, _worker: &mut Worker) -> bool {
         let mut worked = false;
         while let Some(steps) = self.steps.next() {
             let truth = self.plant.step(steps.tick, &steps);
@@ -230,9 +230,7 @@ impl Reactive for PlantProcess {
             self.report.steps += 1;
             worked = true;
         }
-        if worked {
-            worker.page.ring(&wires::TRUTH);
-        }
+        // Nobody is woken by the truth: its only reader looks by itself.
         worked
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A writer fills its readers' queues one after the other. The waypoint selector may have a pose,
 //! answer it and be read by the controller while the estimator is still on its way to the
-//! controller's own queue (seen in lockstep on busy cores: one cycle in about a million). So a
+//! controller's own queue (seen in lockstep on busy cores, where it then waited for ever). So a
 //! reference whose pose is not there yet waits; only a later pose proves that it was lost.
 
 use hilare_interfaces::messages::{Pose, Reference};
