@@ -66,6 +66,19 @@ impl Chassis {
         }
     }
 
+    /// Radius of the wheels, m.
+    pub const fn wheel_radius_m(&self) -> f64 {
+        match self {
+            Self::Differential(p) => p.wheel_diameter_m / 2.0,
+            Self::Mecanum(p) => p.wheel_radius_m,
+        }
+    }
+
+    /// True if it can move sideways.
+    pub const fn is_omnidirectional(&self) -> bool {
+        matches!(self, Self::Mecanum(_))
+    }
+
     /// Highest speed of each wheel, rad/s.
     pub const fn wheel_speed_max_radps(&self) -> PerWheel<f64> {
         match self {

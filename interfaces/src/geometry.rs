@@ -80,6 +80,16 @@ impl BodyTwist {
         Self::new(self.vx_mps * factor, self.vy_mps * factor, self.omega_radps * factor)
     }
 
+    /// The same motion seen from a frame turned by −`angle_rad`: its linear part turns by `angle_rad`.
+    pub fn turned(self, angle_rad: f64) -> Self {
+        let (sin, cos) = libm::sincos(angle_rad);
+        Self::new(
+            cos * self.vx_mps - sin * self.vy_mps,
+            sin * self.vx_mps + cos * self.vy_mps,
+            self.omega_radps,
+        )
+    }
+
     /// Linear speed, m/s, signed by the forward component when there is no sideways one.
     pub fn speed_mps(self) -> f64 {
         if self.vy_mps == 0.0 { self.vx_mps } else { libm::hypot(self.vx_mps, self.vy_mps) }
@@ -112,43 +122,6 @@ impl BodyError {
             y_m: -sin * dx + cos * dy,
             theta_rad: wrap_angle_rad(target.theta_rad - pose.theta_rad),
         }
-    }
-}
-
-/// The directed straight line from `from` to `to`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Segment {
-    /// Start.
-    pub from: WorldPoint,
-    /// End.
-    pub to: WorldPoint,
-}
-
-impl Segment {
-    /// A segment between two points.
-    pub const fn new(from: WorldPoint, to: WorldPoint) -> Self {
-        Self { from, to }
-    }
-
-    /// Length, metres.
-    pub fn length_m(self) -> f64 {
-        self.from.distance_m(self.to)
-    }
-
-    /// Direction of travel, radians: `// [MH18] (6)`, heading of the segment that ends in waypoint k.
-    pub fn heading_rad(self) -> f64 {
-        libm::atan2(self.to.y_m - self.from.y_m, self.to.x_m - self.from.x_m)
-    }
-
-    /// Signed cross-track distance of `point` to the infinite line, metres, positive to the left of
-    /// the direction of travel. For a zero-length segment, the distance to the point.
-    pub fn cross_track_m(self, point: WorldPoint) -> f64 {
-        let (dx, dy) = (self.to.x_m - self.from.x_m, self.to.y_m - self.from.y_m);
-        let length = libm::hypot(dx, dy);
-        if length == 0.0 {
-            return self.to.distance_m(point);
-        }
-        (dx * (point.y_m - self.from.y_m) - dy * (point.x_m - self.from.x_m)) / length
     }
 }
 
@@ -192,15 +165,6 @@ mod tests {
             prop_assert!((here.y_m - there.y_m).abs() < 1e-9);
             prop_assert!(wrap_angle_rad(here.theta_rad - there.theta_rad).abs() < 1e-9);
         }
-    }
-
-    #[test]
-    fn cross_track_is_positive_to_the_left() {
-        let line = Segment::new(WorldPoint::new(0.0, 0.0), WorldPoint::new(2.0, 0.0));
-        assert_eq!(line.cross_track_m(WorldPoint::new(5.0, 0.25)), 0.25);
-        assert_eq!(line.cross_track_m(WorldPoint::new(-1.0, -0.5)), -0.5);
-        let point = Segment::new(WorldPoint::new(1.0, 1.0), WorldPoint::new(1.0, 1.0));
-        assert_eq!(point.cross_track_m(WorldPoint::new(4.0, 5.0)), 5.0);
     }
 
     #[test]

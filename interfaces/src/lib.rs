@@ -3,19 +3,23 @@
 //! * [`wires`]: the block diagram as one const table; ports, start order, documentation read it.
 //! * [`messages`]: the `repr(C)` types on those wires, each with a versioned name and a layout hash.
 //! * [`block`]: what a box of the diagram is.
-//! * [`geometry`], [`chassis`], [`params`], [`latency`]: the words the boxes share.
+//! * [`geometry`], [`segment`], [`chassis`], [`motors`], [`acceptance`], [`params`], [`latency`]: the words
+//!   the boxes share.
 //!
 //! Everything is SI (m, rad, s), axes follow ROS REP-103 (x forward, y left, counter-clockwise
 //! positive). The crate is `no_std`: nothing here can reach a clock, a file or a log.
 #![no_std]
 
+pub mod acceptance;
 pub mod block;
 pub mod chassis;
 pub mod geometry;
 pub mod latency;
 pub mod layout;
 pub mod messages;
+pub mod motors;
 pub mod params;
+pub mod segment;
 pub mod wires;
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::block::Tick;
 use crate::chassis::MAX_WHEELS;
 use crate::geometry::{BodyTwist, WorldPoint, WorldPose};
 use crate::latency::LatencyHistogram;
+use crate::segment::Segment;
 use crate::wire_message;
 
 /// Coming waypoints a [`Reference`] carries beyond the current one.
@@ -17,12 +18,17 @@ pub const MAX_WAYPOINTS: usize = 65_536;
 pub const TEXT_BYTES: usize = 160;
 
 wire_message! {
-    /// A waypoint in the world frame, metres.
-    Waypoint = "hilare/Waypoint/v1" {
+    /// A waypoint in the world frame, and how to get there from the one before.
+    Waypoint = "hilare/Waypoint/v2" {
         /// World x, m.
         x_m: f64,
         /// World y, m.
         y_m: f64,
+        /// Bulge of the segment that ends here ([`Segment`]): 0 a line.
+        bulge: f64,
+        /// Crab angle on that segment, rad: direction of travel minus heading. 0 is forwards; π/2
+        /// sideways to the left, which only a chassis that can move sideways does.
+        crab_rad: f64,
     }
 }
 
@@ -66,7 +72,7 @@ wire_message! {
 
 wire_message! {
     /// What the robot should track, from the waypoint selector, once a control period.
-    Reference = "hilare/Reference/v1" {
+    Reference = "hilare/Reference/v2" {
         /// Tick of the pose it was chosen on.
         tick: u64,
         /// A [`ReferenceState`].
@@ -92,7 +98,7 @@ wire_message! {
 
 wire_message! {
     /// A velocity command of one controller for one control period.
-    Command = "hilare/Command/v1" {
+    Command = "hilare/Command/v2" {
         /// Which controller.
         source: u64,
         /// The authority epoch it was started under.
@@ -109,8 +115,8 @@ wire_message! {
         vy_mps: f64,
         /// Yaw rate, rad/s.
         omega_radps: f64,
-        /// 1 if the law had to fall back (health says why), else 0.
-        degraded: u64,
+        /// A [`Fallback`]: what the law had to do without.
+        fallback: u64,
     }
 }
 
@@ -157,6 +163,33 @@ wire_message! {
         paused_ticks: u64,
         /// Longest single pause, ticks.
         paused_max_ticks: u64,
+    }
+}
+
+wire_message! {
+    /// What the robot's encoders have counted, from the plant or a drive, once a tick.
+    Wheels = "hilare/Wheels/v1" {
+        /// Ticks executed when the counts were taken.
+        tick: u64,
+        /// Cumulative signed encoder counts a wheel; zero on a robot without encoders.
+        counts: [i64; MAX_WHEELS],
+    }
+}
+
+wire_message! {
+    /// The robot's pose as measured from outside (overhead camera, positioning system): late and noisy.
+    PoseFix = "hilare/PoseFix/v1" {
+        /// Tick at which it has come through camera and processing, and is used. It is sent before the
+        /// [`Wheels`] of that tick.
+        tick: u64,
+        /// Ticks executed when the picture was taken.
+        captured_tick: u64,
+        /// World x, m.
+        x_m: f64,
+        /// World y, m.
+        y_m: f64,
+        /// Heading, rad, in (−π, π].
+        theta_rad: f64,
     }
 }
 
@@ -281,6 +314,24 @@ code_enum! {
 }
 
 code_enum! {
+    /// What a law had to do without when it computed a command.
+    Fallback {
+        /// Nothing: the command is what the law is there for.
+        None = 0, "";
+        /// The solver stopped at its iteration cap; the best feasible plan at hand is used.
+        IterationCap = 1, "solver at its iteration cap: best feasible plan used";
+        /// The solver found no solution; the plan of the period before, inside the limits, is used.
+        Unsolved = 2, "problem not solved: plan of the period before used";
+        /// The robot is told to stand, or cannot drive or turn at all.
+        NoMotion = 3, "no speed or no yaw rate allowed: nothing to plan";
+        /// No plan within the limits reaches its end; the predictive law drives instead.
+        Infeasible = 4, "no plan within the limits: the predictive law drives";
+        /// The deviation is outside what the law is valid for; the predictive law drives instead.
+        OutsideValidity = 5, "deviation outside the law's validity: the predictive law drives";
+    }
+}
+
+code_enum! {
     /// Why the wheels turn as they do.
     Drive {
         /// Not armed.
@@ -319,15 +370,43 @@ code_enum! {
 }
 
 impl Waypoint {
+    /// Reached on a straight line, heading along it.
+    pub const fn straight(x_m: f64, y_m: f64) -> Self {
+        Self { x_m, y_m, bulge: 0.0, crab_rad: 0.0 }
+    }
+
     /// As a point.
     pub const fn point(self) -> WorldPoint {
         WorldPoint::new(self.x_m, self.y_m)
+    }
+
+    /// The segment from `last` that ends here.
+    pub const fn segment_from(self, last: Self) -> Segment {
+        Segment::new(last.point(), self.point(), self.bulge)
+    }
+
+    /// True when every number is finite.
+    pub fn is_finite(self) -> bool {
+        self.point().is_finite() && self.bulge.is_finite() && self.crab_rad.is_finite()
     }
 }
 
 impl From<WorldPoint> for Waypoint {
     fn from(point: WorldPoint) -> Self {
-        Self { x_m: point.x_m, y_m: point.y_m }
+        Self::straight(point.x_m, point.y_m)
+    }
+}
+
+impl Reference {
+    /// The segment under way: from waypoint k − 1 to waypoint k.
+    pub const fn segment(&self) -> Segment {
+        self.current.segment_from(self.last)
+    }
+
+    /// The waypoints ahead, the current one first.
+    pub fn ahead(&self) -> impl Iterator<Item = &Waypoint> {
+        let coming = (self.preview_len as usize).min(PREVIEW);
+        core::iter::once(&self.current).chain(&self.preview[..coming])
     }
 }
 
@@ -352,6 +431,13 @@ impl Pose {
         Self { tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
     }
 
+    /// As a geometric pose.
+    pub const fn pose(&self) -> WorldPose {
+        WorldPose::new(self.x_m, self.y_m, self.theta_rad)
+    }
+}
+
+impl PoseFix {
     /// As a geometric pose.
     pub const fn pose(&self) -> WorldPose {
         WorldPose::new(self.x_m, self.y_m, self.theta_rad)

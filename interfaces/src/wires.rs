@@ -5,7 +5,8 @@
 
 use crate::layout::WireMessage;
 use crate::messages::{
-    Answer, Authority, Command, GoalHeader, Health, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
+    Answer, Authority, Command, GoalHeader, Health, PathHeader, Pose, PoseFix, Reference, Steps, Truth,
+    Waypoint, Wheels,
 };
 
 /// A box of the diagram.
@@ -217,6 +218,35 @@ pub const STEPS: Wire = Wire {
     doc: "cumulative signed counts a wheel, commanded wheel speeds",
 };
 
+/// What the robot's encoders say; the pulse of the plant.
+pub const WHEELS: Wire = Wire {
+    name: "wheels",
+    message: Wheels::NAME,
+    element: None,
+    layout_hash: Wheels::LAYOUT_HASH,
+    from: &[Role::Plant],
+    to: &[wakes(Role::PoseEstimator)],
+    rate: Rate::EveryTick,
+    buffer: 1024,
+    history: 0,
+    doc: "cumulative encoder counts, where the robot has encoders or a camera",
+};
+
+/// The robot seen from outside.
+pub const FIX: Wire = Wire {
+    name: "fix",
+    message: PoseFix::NAME,
+    element: None,
+    layout_hash: PoseFix::LAYOUT_HASH,
+    from: &[Role::Plant],
+    // The wheels of the same tick wake it.
+    to: &[polls(Role::PoseEstimator)],
+    rate: Rate::OnDemand,
+    buffer: 256,
+    history: 0,
+    doc: "pose measured from outside, late and noisy, where there is a camera",
+};
+
 /// Where the robot thinks it is.
 pub const POSE: Wire = Wire {
     name: "pose",
@@ -249,7 +279,7 @@ pub const TRUTH: Wire = Wire {
     rate: Rate::EveryTick,
     buffer: 1024,
     history: 0,
-    doc: "true pose (overhead camera); never seen by the control path",
+    doc: "true pose; never seen by the control path",
 };
 
 /// How everybody fares.
@@ -267,8 +297,8 @@ pub const HEALTH: Wire = Wire {
 };
 
 /// Every wire, in the diagram's order.
-pub const WIRES: [&Wire; 10] =
-    [&GOAL, &ANSWER, &PATH, &REFERENCE, &COMMAND, &AUTHORITY, &STEPS, &POSE, &TRUTH, &HEALTH];
+pub const WIRES: [&Wire; 12] =
+    [&GOAL, &ANSWER, &PATH, &REFERENCE, &COMMAND, &AUTHORITY, &STEPS, &WHEELS, &FIX, &POSE, &TRUTH, &HEALTH];
 
 impl Wire {
     /// True if `role` writes this wire.

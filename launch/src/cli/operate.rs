@@ -134,7 +134,7 @@ pub fn follow(args: &FollowArgs) -> VerbResult {
         0 => refused(format!("{file}: {}", error.message)),
         line => refused(format!("{file}:{line}: {}", error.message)),
     })?;
-    let points = waypoints.iter().map(|point| [point.x_m, point.y_m]).collect();
+    let points = waypoints.iter().map(|point| [point.x_m, point.y_m, point.bulge, point.crab_rad]).collect();
     order(&args.robot, &Request::Follow(points))
 }
 

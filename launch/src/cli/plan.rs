@@ -5,6 +5,7 @@ use crate::manager::Failure;
 use crate::report::plan::plan_svg;
 use clap::Args;
 use hilare_interfaces::geometry::WorldPoint;
+use hilare_interfaces::messages::Waypoint;
 use hilare_planner::{ClearanceField, Deadline, Map, Plan, Planner, PlannerSettings, Refusal, waypoint_file};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -128,7 +129,11 @@ fn writer(file: &std::path::Path) -> Result<Writer, Failure> {
 fn write(file: &std::path::Path, map: &Map, planner: &Planner, plan: &Plan) -> Result<(), Failure> {
     let failed = |error: std::io::Error| refused(format!("--out {}: {error}", file.display()));
     let text = match writer(file)? {
-        Writer::Waypoints => waypoint_file::write(&plan.waypoints),
+        Writer::Waypoints => {
+            let waypoints: Vec<Waypoint> =
+                plan.waypoints.iter().map(|point| Waypoint::from(*point)).collect();
+            waypoint_file::write(&waypoints)
+        }
         Writer::Picture => {
             let edges = planner.roadmap_edges().map(|(a, b, _)| (a, b));
             let title = format!("Plan: {:.3} m, {} waypoints", plan.length_m, plan.waypoints.len());

@@ -5,15 +5,14 @@ use super::{VerbResult, refused};
 use crate::config::{Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
-use crate::shell::ClockKind;
 use crate::shell::in_process::InProcess;
 use crate::shell::observer::Handover;
+use crate::shell::{ClockKind, build};
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
-use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{GoalKind, Mode};
-use hilare_planner::{Map, Navigator, Unlimited};
+use hilare_interfaces::messages::{GoalKind, Mode, Waypoint};
+use hilare_planner::{Map, Unlimited, check_crab};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -131,19 +130,25 @@ pub struct Drive<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
     /// Its path.
-    pub waypoints: &'a [WorldPoint],
+    pub waypoints: &'a [Waypoint],
     /// Its map.
     pub map: Option<&'a Map>,
 }
 
 /// The path of a scenario: its own, or the planner's. The planner's process finds the same one: same
 /// map, same seed, same bits.
-fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<WorldPoint>, Failure> {
+fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<Waypoint>, Failure> {
     let system = &scenario.system;
     match &scenario.task {
-        Task::Follow(waypoints) => Ok(waypoints.clone()),
-        Task::Reach(goal) => Navigator::new(map, &system.planner, system.tracking.acceptance_radius_m)
-            .path(GoalKind::Point, &[*goal], system.start.position(), &mut Unlimited)
+        Task::Follow(waypoints) => {
+            check_crab(waypoints, system.chassis.is_omnidirectional()).map_err(|why| {
+                let index = why.index().unwrap_or_default();
+                refused(format!("{}: waypoint {}: {why}", scenario.name, index + 1))
+            })?;
+            Ok(waypoints.clone())
+        }
+        Task::Reach(goal) => build::navigator_on(map, system)
+            .path(GoalKind::Point, &[Waypoint::from(*goal)], system.start.position(), &mut Unlimited)
             .map_err(|why| Failure::Fault(format!("the planner: {why}"))),
     }
 }
@@ -165,7 +170,7 @@ fn warn_if_endless(drive: &Drive<'_>) {
 }
 
 fn path_length_m(drive: &Drive<'_>) -> f64 {
-    drive.waypoints.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
+    drive.waypoints.windows(2).map(|pair| pair[1].segment_from(pair[0]).length_m()).sum()
 }
 
 fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {

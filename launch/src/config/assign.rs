@@ -2,11 +2,14 @@
 
 use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
-use super::keys::{Form, KIND, LAW, MAP, ROBOT, Section, join, keys};
+use super::keys::{AS_THE_LAW_ASKS, Form, Section, TextSpec, join, keys};
 use super::{System, conflict, suggest};
 use hilare_controller::law;
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
+use hilare_interfaces::motors::{Motors, ServoParams, StepperParams};
 use hilare_interfaces::params::{ParamError, ParamKind, ParamSpec};
+use hilare_pose_estimator::EstimatorKind;
 
 /// Applies a file's entries to a system and checks the outcome. Text goes first, because the kind of the
 /// chassis decides which keys there are.
@@ -61,7 +64,7 @@ pub(super) fn apply_assignments<S: AsRef<str>>(
 /// Checks a system that did not come from a file, or says what is wrong with it.
 pub(super) fn check_all(system: &System) -> Result<(), String> {
     check_robot_name(&system.robot)?;
-    for key in keys().filter(|key| key.section.fits(&system.chassis)) {
+    for key in keys().filter(|key| key.section.fits(system)) {
         if let Form::Number(spec) = key.form {
             let value = key.section.get(system, key.name).unwrap_or(f64::NAN);
             spec.check(value).map_err(|error| format!("{}: {}", key.path(), refusal(spec, error)))?;
@@ -90,7 +93,7 @@ fn assign(system: &mut System, entry: &Entry<'_>) -> Result<(), String> {
             }
         };
     }
-    let Some(section) = Section::of(path, &system.chassis) else {
+    let Some(section) = Section::of(path, system) else {
         return Err(match value {
             Value::Section => unknown_table(prefix, path, name),
             _ => suggest::unknown_in_no_section(prefix, path, name),
@@ -105,11 +108,11 @@ fn assign(system: &mut System, entry: &Entry<'_>) -> Result<(), String> {
             unknown_table(prefix, path, name)
         });
     }
-    if section.text().is_some_and(|text| text.name == *name) {
-        return put_text(system, name, value).map_err(|what| format!("{full}: {what}"));
+    if let Some(text) = section.text().filter(|text| text.name == *name) {
+        return put_text(system, section, text, value).map_err(|what| format!("{full}: {what}"));
     }
     let Some(spec) = section.specs().iter().find(|spec| spec.name == *name) else {
-        return Err(suggest::unknown_key(prefix, section, &system.chassis, name));
+        return Err(suggest::unknown_key(prefix, section, system, name));
     };
     let number = check_number(spec, value).map_err(|what| format!("{full}: {what}"))?;
     section.put(system, name, number);
@@ -164,25 +167,52 @@ pub(super) fn range(spec: &ParamSpec) -> String {
     format!("{} to {} {}", spec.min, spec.max, spec.unit).trim_end().to_owned()
 }
 
-fn put_text(system: &mut System, name: &str, value: &Value<'_>) -> Result<(), String> {
+fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Value<'_>) -> Result<(), String> {
     let (Value::Text(text) | Value::Word(text)) = *value else {
         return Err(format!("{} is not text; write it in quotes", value.describe()));
     };
-    if name == ROBOT.name {
-        check_robot_name(text)?;
-        system.robot = text.to_owned();
-    } else if name == MAP.name {
-        system.map = text.to_owned();
-    } else if name == LAW.name {
-        system.controller.law = law(text).ok_or_else(|| suggest::unknown_choice(&LAW, text))?;
-    } else if text != system.chassis.name() {
-        system.chassis = match text {
-            "differential" => Chassis::Differential(DifferentialParams::default()),
-            "mecanum" => Chassis::Mecanum(MecanumParams::default()),
-            _ => return Err(suggest::unknown_choice(&KIND, text)),
-        };
+    let unknown = || suggest::unknown_choice(spec, text);
+    match section {
+        Section::Top => {
+            check_robot_name(text)?;
+            system.robot = text.to_owned();
+        }
+        Section::Planner => system.map = text.to_owned(),
+        Section::Controller => system.controller.law = law(text).ok_or_else(unknown)?,
+        Section::Estimator => system.estimator = EstimatorKind::from_name(text).ok_or_else(unknown)?,
+        Section::Tracking if text == AS_THE_LAW_ASKS => system.acceptance = None,
+        Section::Tracking => system.acceptance = Some(Acceptance::from_name(text).ok_or_else(unknown)?),
+        Section::Stepper | Section::Servo if text == system.motors.name() => {}
+        Section::Stepper | Section::Servo => {
+            system.motors = match text {
+                "stepper" => Motors::Stepper(StepperParams::default()),
+                "servo" => Motors::Servo(ServoParams::default()),
+                _ => return Err(unknown()),
+            };
+        }
+        _ if text == system.chassis.name() => {}
+        _ => {
+            system.chassis = match text {
+                "differential" => Chassis::Differential(DifferentialParams::default()),
+                "mecanum" => Chassis::Mecanum(MecanumParams::default()),
+                _ => return Err(unknown()),
+            };
+        }
     }
     Ok(())
+}
+
+/// The value of a section's text key.
+pub(super) fn text_value(system: &System, section: Section) -> &str {
+    match section {
+        Section::Top => &system.robot,
+        Section::Planner => &system.map,
+        Section::Controller => system.controller.law.name,
+        Section::Estimator => system.estimator.name(),
+        Section::Tracking => system.acceptance.map_or(AS_THE_LAW_ASKS, Acceptance::name),
+        Section::Stepper | Section::Servo => system.motors.name(),
+        _ => system.chassis.name(),
+    }
 }
 
 /// Names of files and shared memory are made from it.

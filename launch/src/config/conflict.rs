@@ -1,11 +1,8 @@
 //! Values that are fine alone and do not fit each other.
 
 use super::System;
-use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::Chassis;
-
-/// Chassis the simulated robot has contact models for.
-const PLANT_CHASSIS: &[&str] = &["differential"];
+use hilare_interfaces::motors::Motors;
 
 /// Two or more keys that contradict each other.
 pub(super) struct Conflict {
@@ -25,7 +22,7 @@ impl Conflict {
 pub(super) fn find(system: &System) -> Option<Conflict> {
     reversed_limits(system)
         .or_else(|| law_on_chassis(system))
-        .or_else(|| plant_for_chassis(system))
+        .or_else(|| plant_of_robot(system))
         .or_else(|| steps_a_tick(system))
 }
 
@@ -65,31 +62,36 @@ fn law_on_chassis(system: &System) -> Option<Conflict> {
     Some(Conflict { keys: &[("controller", "law"), ("chassis", "kind")], what })
 }
 
-fn plant_for_chassis(system: &System) -> Option<Conflict> {
-    let kind = system.chassis.name();
-    if PLANT_CHASSIS.contains(&kind) {
+fn plant_of_robot(system: &System) -> Option<Conflict> {
+    let known = match (&system.chassis, &system.motors) {
+        (Chassis::Differential(_), Motors::Stepper(_)) => true,
+        _ => false,
+    };
+    if known {
         return None;
     }
     let what = format!(
-        "there is no simulated robot for chassis.kind {kind:?}; choose {}",
-        PLANT_CHASSIS.join(" or ")
+        "there is no simulated robot with chassis.kind {:?} and motors.kind {:?}; choose other motors",
+        system.chassis.name(),
+        system.motors.name()
     );
-    Some(Conflict { keys: &[("chassis", "kind")], what })
+    Some(Conflict { keys: &[("chassis", "kind"), ("motors", "kind")], what })
 }
 
 /// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.
 fn steps_a_tick(system: &System) -> Option<Conflict> {
     let fastest_radps = system.chassis.wheel_speed_max_radps().into_iter().fold(0.0, f64::max);
-    let step_rad = system.step_rad();
+    let pulse_radps = system.motors.pulse_speed_max_radps(&system.chassis)?;
     // Exactly one step a tick is fine, whatever the last bit of the division says.
-    if fastest_radps * TICK_S <= step_rad * (1.0 + 1e-9) {
+    if fastest_radps <= pulse_radps * (1.0 + 1e-9) {
         return None;
     }
+    let step_rad = system.count_rad();
     // Rounded down, so that the advice holds.
-    let top_radps = (step_rad / TICK_S * 1e3).floor() / 1e3;
+    let top_radps = (pulse_radps * 1e3).floor() / 1e3;
     let what = format!(
         "a wheel at {fastest_radps} rad/s needs more than one step of {step_rad:.3e} rad a tick (1 ms); lower \
-         chassis.{} to {top_radps} rad/s or raise stepper.step_length_m",
+         chassis.{} to {top_radps} rad/s or raise motors.step_length_m",
         wheel_speed_key(system, fastest_radps)
     );
     let keys = &[
@@ -98,7 +100,8 @@ fn steps_a_tick(system: &System) -> Option<Conflict> {
         ("chassis", "wheel_speed_max_radps"),
         ("chassis", "wheel_diameter_m"),
         ("chassis", "wheel_radius_m"),
-        ("stepper", "step_length_m"),
+        ("motors", "step_length_m"),
+        ("motors", "kind"),
     ];
     Some(Conflict { keys, what })
 }
@@ -121,10 +124,10 @@ mod tests {
     #[test]
     fn a_chassis_without_a_simulated_robot_is_refused() {
         let chassis = Chassis::Mecanum(MecanumParams::default());
-        let conflict = plant_for_chassis(&System { chassis, ..System::default() }).unwrap();
+        let conflict = plant_of_robot(&System { chassis, ..System::default() }).unwrap();
         assert_eq!(
             conflict.what,
-            "there is no simulated robot for chassis.kind \"mecanum\"; choose differential"
+            "there is no simulated robot with chassis.kind \"mecanum\" and motors.kind \"stepper\"; choose other motors"
         );
         assert!(conflict.involves("chassis", "kind") && !conflict.involves("limits", "v_max_mps"));
     }

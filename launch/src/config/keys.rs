@@ -2,17 +2,21 @@
 
 use super::{Realtime, Supervision, System, realtime};
 use hilare_controller::LAWS;
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::motors::{Motors, ServoParams, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamGroup, ParamSpec};
 use hilare_interfaces::wires::Role;
 use hilare_planner::{MAX_COORDINATE_M, PlannerSettings};
+use hilare_plant::camera::CameraParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
+use hilare_pose_estimator::EstimatorKind;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
-use hilare_step_generator::pulses::Stepper;
 use hilare_waypoint_selector::Tracking;
+use std::fmt;
 
 param_group! {
     /// The table behind `[start]`; the values live in a [`WorldPose`].
@@ -48,11 +52,38 @@ pub(super) static ROBOT: TextSpec = TextSpec {
 };
 
 /// Kind of the chassis.
-pub(super) static KIND: TextSpec = TextSpec {
+pub(super) static CHASSIS: TextSpec = TextSpec {
     name: "kind",
     default: "differential",
     choices: || vec!["differential", "mecanum"],
     doc: "What kind of chassis it is.",
+};
+
+/// Kind of the motors.
+pub(super) static MOTORS: TextSpec = TextSpec {
+    name: "kind",
+    default: "stepper",
+    choices: || vec!["stepper", "servo"],
+    doc: "What turns the wheels.",
+};
+
+/// When a waypoint is accepted.
+pub(super) static ACCEPTANCE: TextSpec = TextSpec {
+    name: "acceptance",
+    default: AS_THE_LAW_ASKS,
+    choices: || core::iter::once(AS_THE_LAW_ASKS).chain(Acceptance::ALL.map(Acceptance::name)).collect(),
+    doc: "Where a waypoint is accepted: on the rim of its circle, at the bisector of the corner, also when passed, or as the law asks.",
+};
+
+/// The acceptance rule is the law's own.
+pub(super) const AS_THE_LAW_ASKS: &str = "law";
+
+/// Pose estimator.
+pub(super) static ESTIMATOR: TextSpec = TextSpec {
+    name: "kind",
+    default: EstimatorKind::ALL[0].name(),
+    choices: || EstimatorKind::ALL.map(EstimatorKind::name).to_vec(),
+    doc: "Where the pose comes from.",
 };
 
 /// Control law.
@@ -101,8 +132,8 @@ impl Key {
         join(&self.section.path(), self.name)
     }
 
-    /// The chassis kind this key belongs to, if it does not belong to all.
-    pub fn only_for(&self) -> Option<&'static str> {
+    /// What a system must be to have this key; empty if every system has it.
+    pub fn only_for(&self) -> &'static [Condition] {
         self.section.only_for()
     }
 
@@ -120,21 +151,51 @@ pub fn keys() -> impl Iterator<Item = Key> {
     Section::all().flat_map(Section::keys)
 }
 
-/// A section of the system file. The two chassis share a path; a system has one of them.
+/// A key whose value decides which others there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// `chassis.kind` has this value.
+    Chassis(&'static str),
+    /// `motors.kind` has this value.
+    Motors(&'static str),
+}
+
+impl Condition {
+    fn holds(self, system: &System) -> bool {
+        match self {
+            Self::Chassis(kind) => system.chassis.name() == kind,
+            Self::Motors(kind) => system.motors.name() == kind,
+        }
+    }
+}
+
+impl fmt::Display for Condition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Chassis(kind) => write!(f, "chassis.kind = {kind:?}"),
+            Self::Motors(kind) => write!(f, "motors.kind = {kind:?}"),
+        }
+    }
+}
+
+/// A section of the system file. Sections that share a path exclude each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Section {
     Top,
     Differential,
     Mecanum,
     Stepper,
+    Servo,
     Limits,
     Timing,
     Tracking,
     Controller,
     /// Parameters of a law, by its place in [`LAWS`].
     Law(usize),
+    Estimator,
     Planner,
-    Plant,
+    StepperDrive,
+    Camera,
     Start,
     Supervision,
     Realtime(Role),
@@ -144,16 +205,16 @@ impl Section {
     /// Every section, in the file's order.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         use Section::*;
-        let head = [Top, Differential, Mecanum, Stepper, Limits, Timing, Tracking, Controller];
+        let head = [Top, Differential, Mecanum, Stepper, Servo, Limits, Timing, Tracking, Controller];
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
-            .chain([Planner, Plant, Start, Supervision])
+            .chain([Estimator, Planner, StepperDrive, Camera, Start, Supervision])
             .chain(Role::WORKERS.map(Realtime))
     }
 
-    /// The section at a path, for a system with this chassis.
-    pub(super) fn of(path: &str, chassis: &Chassis) -> Option<Self> {
-        Self::all().find(|section| section.fits(chassis) && section.path() == path)
+    /// The section at a path that a system has.
+    pub(super) fn of(path: &str, system: &System) -> Option<Self> {
+        Self::all().find(|section| section.fits(system) && section.path() == path)
     }
 
     /// Path of the table `name` within `section`, if sections stand there or below.
@@ -174,40 +235,54 @@ impl Section {
         match self {
             Self::Top => String::new(),
             Self::Differential | Self::Mecanum => "chassis".to_owned(),
-            Self::Stepper => "stepper".to_owned(),
+            Self::Stepper | Self::Servo => "motors".to_owned(),
             Self::Limits => "limits".to_owned(),
             Self::Timing => "timing".to_owned(),
             Self::Tracking => "tracking".to_owned(),
             Self::Controller => "controller".to_owned(),
             Self::Law(index) => format!("controller.{}", LAWS[index].name),
+            Self::Estimator => "estimator".to_owned(),
             Self::Planner => "planner".to_owned(),
-            Self::Plant => "plant".to_owned(),
+            Self::StepperDrive => "plant".to_owned(),
+            Self::Camera => "camera".to_owned(),
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
             Self::Realtime(role) => format!("realtime.{}", role.name()),
         }
     }
 
-    /// The chassis kind it belongs to, if it does not belong to all.
-    pub(super) fn only_for(self) -> Option<&'static str> {
+    /// What a system must be to have it; empty if every system has it.
+    pub(super) fn only_for(self) -> &'static [Condition] {
+        use Condition::{Chassis, Motors};
         match self {
-            Self::Differential => Some("differential"),
-            Self::Mecanum => Some("mecanum"),
-            _ => None,
+            Self::Differential => &[Chassis("differential")],
+            Self::Mecanum => &[Chassis("mecanum")],
+            Self::Stepper => &[Motors("stepper")],
+            Self::Servo => &[Motors("servo")],
+            Self::StepperDrive => &[Chassis("differential"), Motors("stepper")],
+            _ => &[],
         }
     }
 
-    /// True if a system with this chassis has the section.
-    pub(super) fn fits(self, chassis: &Chassis) -> bool {
-        self.only_for().is_none_or(|kind| kind == chassis.name())
+    /// What a system is not and would have to be to have the section.
+    pub(super) fn missing_for(self, system: &System) -> Option<&'static Condition> {
+        self.only_for().iter().find(|condition| !condition.holds(system))
+    }
+
+    /// True if a system has the section.
+    pub(super) fn fits(self, system: &System) -> bool {
+        self.missing_for(system).is_none()
     }
 
     /// Its text key; none has more than one.
     pub(super) fn text(self) -> Option<&'static TextSpec> {
         match self {
             Self::Top => Some(&ROBOT),
-            Self::Differential | Self::Mecanum => Some(&KIND),
+            Self::Differential | Self::Mecanum => Some(&CHASSIS),
+            Self::Stepper | Self::Servo => Some(&MOTORS),
+            Self::Tracking => Some(&ACCEPTANCE),
             Self::Controller => Some(&LAW),
+            Self::Estimator => Some(&ESTIMATOR),
             Self::Planner => Some(&MAP),
             _ => None,
         }
@@ -216,16 +291,18 @@ impl Section {
     /// Its numbers and switches.
     pub(super) fn specs(self) -> &'static [ParamSpec] {
         match self {
-            Self::Top | Self::Controller => &[],
+            Self::Top | Self::Controller | Self::Estimator => &[],
             Self::Differential => DifferentialParams::SPECS,
             Self::Mecanum => MecanumParams::SPECS,
-            Self::Stepper => Stepper::SPECS,
+            Self::Stepper => StepperParams::SPECS,
+            Self::Servo => ServoParams::SPECS,
             Self::Limits => Limits::SPECS,
             Self::Timing => GateParams::SPECS,
             Self::Tracking => Tracking::SPECS,
             Self::Law(index) => LAWS[index].params,
             Self::Planner => PlannerSettings::SPECS,
-            Self::Plant => StepperDriveParams::SPECS,
+            Self::StepperDrive => StepperDriveParams::SPECS,
+            Self::Camera => CameraParams::SPECS,
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
             Self::Realtime(role) => realtime::specs(role),
@@ -241,15 +318,16 @@ impl Section {
 
     fn group(self, system: &System) -> Option<&dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller => return None,
+            Self::Top | Self::Controller | Self::Estimator => return None,
             Self::Differential | Self::Mecanum => &system.chassis,
-            Self::Stepper => &system.stepper,
+            Self::Stepper | Self::Servo => &system.motors,
             Self::Limits => &system.limits,
             Self::Timing => &system.timing,
             Self::Tracking => &system.tracking,
             Self::Law(index) => &system.controller.laws[index],
             Self::Planner => &system.planner,
-            Self::Plant => &system.plant,
+            Self::StepperDrive => &system.plant.stepper_drive,
+            Self::Camera => &system.camera,
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
             Self::Realtime(role) => &system.realtime[realtime::index(role)?],
@@ -258,15 +336,16 @@ impl Section {
 
     fn group_mut(self, system: &mut System) -> Option<&mut dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller => return None,
+            Self::Top | Self::Controller | Self::Estimator => return None,
             Self::Differential | Self::Mecanum => &mut system.chassis,
-            Self::Stepper => &mut system.stepper,
+            Self::Stepper | Self::Servo => &mut system.motors,
             Self::Limits => &mut system.limits,
             Self::Timing => &mut system.timing,
             Self::Tracking => &mut system.tracking,
             Self::Law(index) => &mut system.controller.laws[index],
             Self::Planner => &mut system.planner,
-            Self::Plant => &mut system.plant,
+            Self::StepperDrive => &mut system.plant.stepper_drive,
+            Self::Camera => &mut system.camera,
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
             Self::Realtime(role) => &mut system.realtime[realtime::index(role)?],
@@ -315,12 +394,14 @@ macro_rules! param_groups_are_groups {
 param_groups_are_groups!(
     DifferentialParams,
     MecanumParams,
-    Stepper,
+    StepperParams,
+    ServoParams,
     Limits,
     GateParams,
     Tracking,
     PlannerSettings,
     StepperDriveParams,
+    CameraParams,
     Supervision
 );
 
@@ -336,6 +417,22 @@ impl Group for Chassis {
         match self {
             Self::Differential(params) => params.put(name, value),
             Self::Mecanum(params) => params.put(name, value),
+        }
+    }
+}
+
+impl Group for Motors {
+    fn value(&self, name: &str) -> Option<f64> {
+        match self {
+            Self::Stepper(params) => params.value(name),
+            Self::Servo(params) => params.value(name),
+        }
+    }
+
+    fn put(&mut self, name: &str, value: f64) {
+        match self {
+            Self::Stepper(params) => params.put(name, value),
+            Self::Servo(params) => params.put(name, value),
         }
     }
 }

@@ -24,20 +24,23 @@ mod write;
 
 pub use controller::ControllerConfig;
 pub use error::ConfigError;
-pub use keys::{Form, Key, TextSpec, keys};
+pub use keys::{Condition, Form, Key, TextSpec, keys};
 pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
 
 use document::Document;
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams};
 use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::motors::{Motors, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::wires::Role;
 use hilare_planner::{Map, PlannerSettings};
+use hilare_plant::camera::CameraParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
+use hilare_pose_estimator::EstimatorKind;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
-use hilare_step_generator::pulses::Stepper;
 use hilare_waypoint_selector::Tracking;
 use std::path::Path;
 
@@ -63,22 +66,28 @@ pub struct System {
     pub robot: String,
     /// Wheels and where they sit.
     pub chassis: Chassis,
-    /// Stepper drive.
-    pub stepper: Stepper,
+    /// What turns them.
+    pub motors: Motors,
     /// Input constraints and stop ramps.
     pub limits: Limits,
     /// Control period, hold, lease and pause.
     pub timing: GateParams,
     /// Reference speed and acceptance radius.
     pub tracking: Tracking,
+    /// When a waypoint is accepted; `None` as the law asks.
+    pub acceptance: Option<Acceptance>,
     /// Control law and its gains.
     pub controller: ControllerConfig,
+    /// Where the pose comes from.
+    pub estimator: EstimatorKind,
     /// How goals become paths.
     pub planner: PlannerSettings,
     /// Map to plan on: a built-in name or a file; empty for none.
     pub map: String,
-    /// The simulated robot.
-    pub plant: StepperDriveParams,
+    /// The simulated robots; [`Self::chassis`] and [`Self::motors`] say which one it is.
+    pub plant: PlantParams,
+    /// What watches the robot from outside, if the estimator needs it.
+    pub camera: CameraParams,
     /// Pose the robot is assumed to start at.
     pub start: WorldPose,
     /// Restarts and arming.
@@ -86,19 +95,29 @@ pub struct System {
     realtime: [Realtime; Role::WORKERS.len()],
 }
 
+/// What the control path does not know, for each of the simulated robots.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlantParams {
+    /// Two wheels on steppers.
+    pub stepper_drive: StepperDriveParams,
+}
+
 impl Default for System {
     fn default() -> Self {
         Self {
             robot: keys::ROBOT.default.to_owned(),
             chassis: Chassis::Differential(DifferentialParams::default()),
-            stepper: Stepper::default(),
+            motors: Motors::Stepper(StepperParams::default()),
             limits: Limits::default(),
             timing: GateParams::default(),
             tracking: Tracking::default(),
+            acceptance: None,
             controller: ControllerConfig::default(),
+            estimator: EstimatorKind::ALL[0],
             planner: PlannerSettings::default(),
             map: keys::MAP.default.to_owned(),
-            plant: StepperDriveParams::default(),
+            plant: PlantParams::default(),
+            camera: CameraParams::default(),
             start: WorldPose::default(),
             supervision: Supervision::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
@@ -160,7 +179,7 @@ impl System {
     /// key and for text.
     pub fn get(&self, key: &str) -> Option<f64> {
         let (section, name) = assign::split_key(key);
-        keys::Section::of(section, &self.chassis)?.get(self, name)
+        keys::Section::of(section, self)?.get(self, name)
     }
 
     /// The map to plan on, loaded; `None` if the system has none.
@@ -173,13 +192,19 @@ impl System {
         write::to_toml(self)
     }
 
-    /// Wheel angle of one step, β, rad.
-    pub fn step_rad(&self) -> f64 {
-        let radius_m = match &self.chassis {
-            Chassis::Differential(p) => p.wheel_diameter_m / 2.0,
-            Chassis::Mecanum(p) => p.wheel_radius_m,
-        };
-        self.stepper.step_length_m / radius_m
+    /// When a waypoint is accepted.
+    pub fn acceptance(&self) -> Acceptance {
+        self.acceptance.unwrap_or(self.controller.law.acceptance)
+    }
+
+    /// Wheel angle of one count of the motors, rad; for a stepper β.
+    pub fn count_rad(&self) -> f64 {
+        self.motors.count_rad(&self.chassis)
+    }
+
+    /// True if the pose estimator reads the plant's encoders or its camera, not only the steps.
+    pub fn reads_sensors(&self) -> bool {
+        self.motors.has_encoders() || self.estimator.needs_fixes()
     }
 
     /// How the process of a role is scheduled; launch itself is neither pinned nor real-time.

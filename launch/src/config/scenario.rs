@@ -5,6 +5,7 @@ use super::document::{Document, Entry, Value, entries};
 use super::error::{ConfigError, quoted, read_text};
 use super::{System, find_built_in, is_path, maps, suggest};
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
+use hilare_interfaces::messages::Waypoint;
 use hilare_interfaces::params::{ParamKind, ParamSpec};
 use hilare_planner::{PathRefusal, check_path, waypoint_file};
 use std::fs::File;
@@ -61,7 +62,7 @@ pub struct Scenario {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Task {
     /// Follow these waypoints, at least two.
-    Follow(Vec<WorldPoint>),
+    Follow(Vec<Waypoint>),
     /// Find a way from the start to this point.
     Reach(WorldPoint),
 }
@@ -115,14 +116,14 @@ enum Home<'a> {
     Folder(&'a Path),
 }
 
-fn read_waypoints(path: &Path) -> Result<Vec<WorldPoint>, ConfigError> {
+fn read_waypoints(path: &Path) -> Result<Vec<Waypoint>, ConfigError> {
     let place = path.display().to_string();
     let file =
         File::open(path).map_err(|error| ConfigError::new(&place, format!("cannot be read: {error}")))?;
     parse_waypoints(&place, file)
 }
 
-fn parse_waypoints(place: &str, text: impl Read) -> Result<Vec<WorldPoint>, ConfigError> {
+fn parse_waypoints(place: &str, text: impl Read) -> Result<Vec<Waypoint>, ConfigError> {
     waypoint_file::parse(text).map_err(|error| match error.line {
         0 => ConfigError::new(place, error.message),
         line => ConfigError::new(format!("{place}:{line}"), error.message),
@@ -199,9 +200,11 @@ fn read_item<'t>(
         }
         "waypoints_file" => parts.task = Some(Task::Follow(waypoints_file(file, home, offset, text()?)?)),
         "goal_m" => {
-            let goal = point(value.get_ref()).filter(|goal| goal.is_finite());
-            parts.task =
-                Some(Task::Reach(goal.ok_or_else(|| wrong("[x, y], two finite numbers in metres"))?));
+            let goal = match numbers(value.get_ref()).as_deref() {
+                Some(&[x_m, y_m]) if x_m.is_finite() && y_m.is_finite() => WorldPoint::new(x_m, y_m),
+                _ => return Err(wrong("[x, y], two finite numbers in metres")),
+            };
+            parts.task = Some(Task::Reach(goal));
         }
         "start" => parts.changes.extend(entries(table()?, "", "start")),
         "set" => {
@@ -230,11 +233,24 @@ fn read_item<'t>(
     Ok(())
 }
 
-/// `[x, y]`, metres.
-fn point(value: &DeValue<'_>) -> Option<WorldPoint> {
-    let numbers: Vec<_> = value.as_array()?.iter().map(|item| Value::new(item.get_ref())).collect();
-    match numbers[..] {
-        [Value::Number(x_m), Value::Number(y_m)] => Some(WorldPoint::new(x_m, y_m)),
+/// The numbers of an array that has nothing else.
+fn numbers(value: &DeValue<'_>) -> Option<Vec<f64>> {
+    let number = |item: &Spanned<DeValue<'_>>| match Value::new(item.get_ref()) {
+        Value::Number(number) => Some(number),
+        _ => None,
+    };
+    value.as_array()?.iter().map(number).collect()
+}
+
+/// `[x, y]`, `[x, y, bulge]` or `[x, y, bulge, crab_rad]`.
+fn waypoint(value: &DeValue<'_>) -> Option<Waypoint> {
+    let numbers = numbers(value)?;
+    let &[x_m, y_m, ref rest @ ..] = numbers.as_slice() else { return None };
+    let straight = Waypoint::straight(x_m, y_m);
+    match *rest {
+        [] => Some(straight),
+        [bulge] => Some(Waypoint { bulge, ..straight }),
+        [bulge, crab_rad] => Some(Waypoint { bulge, crab_rad, ..straight }),
         _ => None,
     }
 }
@@ -243,11 +259,14 @@ fn inline_waypoints(
     file: &Document<'_>,
     offset: usize,
     points: &[Spanned<DeValue<'_>>],
-) -> Result<Vec<WorldPoint>, ConfigError> {
+) -> Result<Vec<Waypoint>, ConfigError> {
     let mut waypoints = Vec::with_capacity(points.len());
     for (index, item) in points.iter().enumerate() {
-        let what = || format!("waypoints_m: waypoint {} is not [x, y], two numbers in metres", index + 1);
-        waypoints.push(point(item.get_ref()).ok_or_else(|| file.error(item.span().start, what()))?);
+        let what = || {
+            let wanted = "[x, y] in metres, [x, y, bulge] for an arc or [x, y, bulge, crab_rad]";
+            format!("waypoints_m: waypoint {} is not {wanted}", index + 1)
+        };
+        waypoints.push(waypoint(item.get_ref()).ok_or_else(|| file.error(item.span().start, what()))?);
     }
     check_path(&waypoints).map_err(|refusal: PathRefusal| match refusal.index() {
         Some(index) => {
@@ -263,7 +282,7 @@ fn waypoints_file(
     home: Home<'_>,
     offset: usize,
     name: &str,
-) -> Result<Vec<WorldPoint>, ConfigError> {
+) -> Result<Vec<Waypoint>, ConfigError> {
     match home {
         Home::Folder(folder) => read_waypoints(&folder.join(name)),
         Home::BuiltIn => match BUILT_IN_PATHS.iter().find(|(known, _)| *known == name) {

@@ -1,9 +1,9 @@
 //! What was meant: near names, names in other sections, names with another unit.
 
+use super::System;
 use super::assign::split_key;
 use super::error::{clipped, quoted};
 use super::keys::{Form, Key, Section, TextSpec, join, keys};
-use hilare_interfaces::chassis::Chassis;
 
 /// Names at least this alike (1 the same, 0 nothing in common) are worth a question.
 const ALIKE: f64 = 0.5;
@@ -51,13 +51,13 @@ fn nearest<T>(
 }
 
 /// About a key its section does not have.
-pub(super) fn unknown_key(prefix: &str, section: Section, chassis: &Chassis, name: &str) -> String {
+pub(super) fn unknown_key(prefix: &str, section: Section, system: &System, name: &str) -> String {
     let path = section.path();
     let place = if path.is_empty() { String::new() } else { format!(" in [{prefix}{path}]") };
-    format!("unknown key {}{place}{}", quoted(name), meant(section, chassis, name))
+    format!("unknown key {}{place}{}", quoted(name), meant(section, system, name))
 }
 
-fn meant(section: Section, chassis: &Chassis, name: &str) -> String {
+fn meant(section: Section, system: &System, name: &str) -> String {
     if let Some(key) = same_but_unit(name, section.keys()) {
         return format!("; the key is {}, {}", key.name, unit_in_words(&key));
     }
@@ -72,8 +72,8 @@ fn meant(section: Section, chassis: &Chassis, name: &str) -> String {
         .or_else(|| same_but_unit(name, others()))
         .or_else(|| nearest(name, others(), |key| key.name, ALIKE_ELSEWHERE));
     match elsewhere {
-        Some(key) => match key.only_for().filter(|kind| *kind != chassis.name()) {
-            Some(kind) => format!("; \"{}\" belongs to chassis.kind = \"{kind}\"", key.path()),
+        Some(key) => match key.section.missing_for(system) {
+            Some(condition) => format!("; \"{}\" belongs to {condition}", key.path()),
             None => format!("; did you mean \"{}\"{}?", key.path(), unit_in_brackets(&key)),
         },
         None => {

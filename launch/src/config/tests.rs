@@ -48,12 +48,12 @@ fn unknown_keys_name_the_one_that_was_meant() {
             "[chassis]\nhalf_track_m = 1",
             r#"2: unknown key "half_track_m" in [chassis]; "chassis.half_track_m" belongs to chassis.kind = "mecanum""#,
         ),
-        ("[stepper]\ncolour = 1", r#"2: unknown key "colour" in [stepper]; known there: step_length_m"#),
-        ("[stepper]\n\"a\\nb\" = 1", r#"2: unknown key "a\nb" in [stepper]; known there: step_length_m"#),
+        ("[motors]\ncolour = 1", r#"2: unknown key "colour" in [motors]; known there: kind, step_length_m"#),
+        ("[motors]\n\"a\\nb\" = 1", r#"2: unknown key "a\nb" in [motors]; known there: kind, step_length_m"#),
         (
             "colour = 1",
-            "1: unknown key \"colour\"; known there: robot; and the sections chassis, stepper, limits, timing, \
-             tracking, controller, planner, plant, start, supervision, realtime",
+            "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
+             tracking, controller, estimator, planner, plant, camera, start, supervision, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
@@ -76,8 +76,8 @@ fn unknown_sections_name_the_one_that_was_meant() {
         ),
         (
             "[colour]",
-            "1: unknown section [colour]; known: chassis, stepper, limits, timing, tracking, controller, planner, plant, \
-             start, supervision, realtime",
+            "1: unknown section [colour]; known: chassis, motors, limits, timing, tracking, controller, estimator, \
+             planner, plant, camera, start, supervision, realtime",
         ),
         (
             "[limits.v_max_mps]\nx = 1",
@@ -180,7 +180,7 @@ fn values_that_contradict_each_other_are_refused_with_the_reason() {
         (
             "[chassis]\nwheel_speed_max_left_radps = 10",
             "2: a wheel at 10 rad/s needs more than one step of 6.500e-3 rad a tick (1 ms); lower \
-             chassis.wheel_speed_max_left_radps to 6.5 rad/s or raise stepper.step_length_m",
+             chassis.wheel_speed_max_left_radps to 6.5 rad/s or raise motors.step_length_m",
         ),
         (
             "[chassis]\nkind = \"mecanum\"",
@@ -229,7 +229,7 @@ fn assignments_reach_every_kind_of_key() {
     system.set("robot=7").unwrap();
     system.set("supervision.arm_on_start=true").unwrap();
     system.set("realtime.planner.cpu=0").unwrap();
-    assert_eq!((system.plant.slip_mean, &*system.robot), (0.05, "7"));
+    assert_eq!((system.plant.stepper_drive.slip_mean, &*system.robot), (0.05, "7"));
     assert_eq!(system.controller.values()[0], ("k1_per_s", 0.03));
     assert_eq!(system.controller.values_of("kanayama"), system.controller.values());
     assert!(system.controller.values_of("none").is_empty() && system.supervision.arm_on_start);
@@ -255,7 +255,7 @@ fn fields_changed_directly_are_checked_on_demand() {
 fn the_built_in_system_is_table_1_and_names_every_key() {
     let epuck = System::load("epuck").unwrap();
     assert_eq!(epuck, System::default());
-    assert!((epuck.step_rad() - 0.13 / 20.0).abs() < 1e-17);
+    assert!((epuck.count_rad() - 0.13 / 20.0).abs() < 1e-17);
     assert_eq!(
         epuck.controller.values(),
         [("k1_per_s", 0.0247), ("k2_per_m2", 2.9671e6), ("k3_per_m", 552.0)]
@@ -267,7 +267,7 @@ fn the_built_in_system_is_table_1_and_names_every_key() {
         keys::Section::Law(law) => LAWS[law].chassis.contains(&epuck.chassis.name()),
         _ => true,
     };
-    for key in keys().filter(|key| key.section.fits(&epuck.chassis) && drives(key.section)) {
+    for key in keys().filter(|key| key.section.fits(&epuck) && drives(key.section)) {
         let here = |entry: &document::Entry<'_>| (&*entry.section, entry.name) == (&*key.section(), key.name);
         assert!(written.iter().any(here), "{} is not in epuck.toml", key.path());
         assert!(!key.doc().is_empty());

@@ -1,7 +1,7 @@
 //! A system back into a file.
 
 use super::System;
-use super::assign::range;
+use super::assign::{range, text_value};
 use super::keys::{Form, Key, Section};
 use hilare_interfaces::params::{ParamKind, ParamSpec};
 use std::fmt::Write;
@@ -11,7 +11,7 @@ pub(super) fn to_toml(system: &System) -> String {
     let mut text =
         String::from("# A robot of hilare, every key. SI units; a key that is left out has its default.\n");
     let mut explained: Vec<&str> = Vec::new();
-    for section in Section::all().filter(|section| section.fits(&system.chassis)) {
+    for section in Section::all().filter(|section| section.fits(system)) {
         let path = section.path();
         if !path.is_empty() {
             let _ = write!(text, "\n[{path}]\n");
@@ -41,15 +41,7 @@ fn allowed(key: &Key) -> String {
 
 fn value(system: &System, section: Section, key: &Key) -> String {
     match key.form {
-        Form::Text(_) => {
-            let text = match section {
-                Section::Top => &system.robot,
-                Section::Controller => system.controller.law.name,
-                Section::Planner => &system.map,
-                _ => system.chassis.name(),
-            };
-            toml::Value::from(text).to_string()
-        }
+        Form::Text(_) => toml::Value::from(text_value(system, section)).to_string(),
         Form::Number(spec) => {
             let value = section.get(system, key.name).unwrap_or(spec.default);
             match spec.kind {

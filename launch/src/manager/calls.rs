@@ -49,7 +49,8 @@ impl Manager {
                 Response::done("going down")
             }
             Request::Follow(points) => {
-                let waypoints = points.into_iter().map(|[x_m, y_m]| Waypoint { x_m, y_m }).collect();
+                let waypoint = |[x_m, y_m, bulge, crab_rad]: [f64; 4]| Waypoint { x_m, y_m, bulge, crab_rad };
+                let waypoints = points.into_iter().map(waypoint).collect();
                 let header = GoalHeader { kind: GoalKind::Follow.code(), ..GoalHeader::ZERO };
                 return self.send_goal(header, waypoints, call.reply);
             }
@@ -60,7 +61,7 @@ impl Manager {
                     has_heading: u64::from(theta_rad.is_some()),
                     ..GoalHeader::ZERO
                 };
-                return self.send_goal(header, vec![Waypoint { x_m, y_m }], call.reply);
+                return self.send_goal(header, vec![Waypoint::straight(x_m, y_m)], call.reply);
             }
         };
         let _ = call.reply.send(response);

@@ -33,8 +33,8 @@ pub enum Request {
     Reset,
     /// Stop and end.
     Down,
-    /// Follow these waypoints, metres.
-    Follow(Vec<[f64; 2]>),
+    /// Follow these waypoints: x and y (m), bulge, crab angle (rad).
+    Follow(Vec<[f64; 4]>),
     /// Go to this point, metres; a heading in radians if one is wanted.
     Goal {
         /// World x.

@@ -8,10 +8,12 @@ use super::canvas::{
 use super::{labels, make_dir, shapes, thin, write_whole};
 use hilare_interfaces::block::TICKS_PER_SECOND;
 use hilare_interfaces::geometry::WorldPoint;
+use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
 use hilare_recorder::trace::TraceRow;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use std::f64::consts::FRAC_PI_2;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -22,7 +24,7 @@ pub struct PlotInput<'a> {
     /// What ran, for the titles.
     pub title: &'a str,
     /// The planned path.
-    pub waypoints: &'a [WorldPoint],
+    pub waypoints: &'a [Waypoint],
     /// Acceptance radius of a waypoint, d_T, m.
     pub acceptance_radius_m: f64,
     /// Reference speed, v_r, m/s.
@@ -121,11 +123,27 @@ impl Plane {
     }
 }
 
+/// Points on an arc, a quarter turn.
+const ARC_POINTS: f64 = 24.0;
+
+/// The lines and arcs through waypoints, as points.
+pub fn course(waypoints: &[Waypoint]) -> impl Iterator<Item = WorldPoint> + '_ {
+    let arcs = waypoints.windows(2).flat_map(|pair| {
+        let segment = pair[1].segment_from(pair[0]);
+        let pieces = (segment.sweep_rad().abs() / FRAC_PI_2 * ARC_POINTS).ceil().max(1.0);
+        (1..=pieces as usize).map(move |n| segment.point_at(n as f64 / pieces))
+    });
+    waypoints.first().map(|waypoint| waypoint.point()).into_iter().chain(arcs)
+}
+
 /// What the path plot shows, in its unit.
 struct Trails {
     unit: &'static str,
     per_metre: f64,
+    /// The waypoints.
     plan: Vec<(f64, f64)>,
+    /// The lines and arcs between them.
+    course: Vec<(f64, f64)>,
     estimate: Vec<(f64, f64)>,
     truth: Vec<(f64, f64)>,
     radius: f64,
@@ -137,6 +155,7 @@ impl Trails {
     fn of(input: &PlotInput<'_>) -> Self {
         let usable = |x: f64, y: f64| (x.abs() < FAR_M && y.abs() < FAR_M).then_some((x, y));
         let plan: Vec<_> = input.waypoints.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect();
+        let course: Vec<_> = course(input.waypoints).filter_map(|p| usable(p.x_m, p.y_m)).collect();
         let estimate: Vec<_> =
             input.rows.iter().filter_map(|row| usable(row.pose.x_m, row.pose.y_m)).collect();
         let truth: Vec<_> =
@@ -146,7 +165,7 @@ impl Trails {
             .iter()
             .map(|outline| outline.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect())
             .collect();
-        let all = || plan.iter().chain(&estimate).chain(&truth);
+        let all = || course.iter().chain(&estimate).chain(&truth);
         // Millimetres as in the paper, as long as they can be read.
         let farthest = all().fold(0.0, |far: f64, (x, y)| far.max(x.abs()).max(y.abs()));
         let (unit, per_metre) = if farthest < 50.0 { ("mm", 1e3) } else { ("m", 1.0) };
@@ -156,12 +175,13 @@ impl Trails {
         let radius = input.acceptance_radius_m;
         let radius = if radius > 0.0 && radius < FAR_M { radius * per_metre } else { 0.0 };
         let obstacles = outlines.into_iter().map(scaled).collect();
-        let (plan, estimate, truth) = (scaled(plan), scaled(estimate), scaled(truth));
-        Self { unit, per_metre, radius, plan, estimate, truth, obstacles }
+        let (plan, course) = (scaled(plan), scaled(course));
+        let (estimate, truth) = (scaled(estimate), scaled(truth));
+        Self { unit, per_metre, radius, plan, course, estimate, truth, obstacles }
     }
 
     fn plane(&self) -> Plane {
-        let all = self.plan.iter().chain(&self.estimate).chain(&self.truth).copied();
+        let all = self.course.iter().chain(&self.estimate).chain(&self.truth).copied();
         // A robot that stands still is shown with a hand's breadth about it.
         let margin = if self.plan.len() <= DOTS { self.radius } else { 0.0 };
         Plane::around(all, margin.max(0.01 * self.per_metre))
@@ -207,7 +227,7 @@ fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
     if trails.plan.len() <= DOTS && radius > px(4) {
         chart.draw_series(trails.plan.iter().map(|p| Circle::new(*p, radius, line(LIGHT, 1))))?;
     }
-    chart.draw_series(LineSeries::new(thin::thin(&trails.plan, POINTS), line(DARK, 1)))?;
+    chart.draw_series(LineSeries::new(thin::thin(&trails.course, POINTS), line(DARK, 1)))?;
     // The broad truth lies under the narrow estimate: where they agree both are seen.
     chart.draw_series(LineSeries::new(truth.iter().copied(), line(ORANGE, 5)))?;
     chart.draw_series(LineSeries::new(estimate.iter().copied(), line(BLUE, 2)))?;

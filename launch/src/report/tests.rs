@@ -2,8 +2,9 @@
 
 use super::summary::LatenessUs;
 use super::*;
-use hilare_interfaces::geometry::{WorldPoint, WorldPose};
+use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::latency::Quantiles;
+use hilare_interfaces::messages::Waypoint;
 use hilare_recorder::statistics::RunFigures;
 use hilare_recorder::trace::TraceRow;
 use std::fs;
@@ -176,8 +177,8 @@ fn the_verdict_fits_a_hundred_columns() {
 
 // --- plots -----------------------------------------------------------------------------------------
 
-const CORNERS: [WorldPoint; 3] =
-    [WorldPoint::new(0.2, 0.2), WorldPoint::new(0.6, 0.2), WorldPoint::new(0.6, 0.5)];
+const CORNERS: [Waypoint; 3] =
+    [Waypoint::straight(0.2, 0.2), Waypoint::straight(0.6, 0.2), Waypoint::straight(0.6, 0.5)];
 
 fn input() -> PlotInput<'static> {
     PlotInput {
@@ -193,7 +194,16 @@ fn input() -> PlotInput<'static> {
 fn row(tick: u64, x_m: f64, y_m: f64) -> TraceRow {
     let pose = WorldPose::new(x_m, y_m, 0.0);
     let waypoint = 1 + tick / 5000;
-    TraceRow { tick, pose, truth: pose, speed_mps: 0.04, omega_radps: 0.0, cross_track_m: -0.001, waypoint }
+    TraceRow {
+        tick,
+        pose,
+        truth: pose,
+        speed_mps: 0.04,
+        omega_radps: 0.0,
+        cross_track_m: -0.001,
+        heading_error_rad: 0.0,
+        waypoint,
+    }
 }
 
 /// Draws into a directory of its own and returns path, speed and cross-track.
@@ -293,8 +303,9 @@ fn degenerate_runs_are_drawn() {
 #[test]
 fn long_runs_stay_small() {
     let angle = |n: usize| n as f64 * 1e-3;
-    let waypoints: Vec<WorldPoint> =
-        (0..65_536).map(|n| WorldPoint::new(angle(n) * angle(n).cos(), angle(n) * angle(n).sin())).collect();
+    let waypoints: Vec<Waypoint> = (0..65_536)
+        .map(|n| Waypoint::straight(angle(n) * angle(n).cos(), angle(n) * angle(n).sin()))
+        .collect();
     let rows: Vec<TraceRow> = (0..120_000usize)
         .map(|n| TraceRow { waypoint: n as u64 / 2, ..row(n as u64 * 10, angle(n) / 2.0, 0.1) })
         .collect();

@@ -1,39 +1,79 @@
 //! Which messages each box is stepped with, and what becomes of its answer.
 
-use super::pairing::Pairing;
+use super::pairing::{Fixes, Pairing};
 use super::transport::{Input, Output, SliceInput};
 use super::worker::{Reactive, Report, Worker};
 use super::{ClockKind, build};
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::Block;
 use hilare_interfaces::messages::{
-    Command, HealthState, MAX_WAYPOINTS, PathHeader, Pose, Reference, Steps, Truth, Waypoint,
+    Command, Fallback, HealthState, MAX_WAYPOINTS, PathHeader, Pose, PoseFix, Reference, Steps, Truth,
+    Waypoint, Wheels,
 };
 use hilare_interfaces::wires;
-use hilare_plant::StepperDrive;
-use hilare_pose_estimator::PoseEstimator;
+use hilare_plant::Plant;
+use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use std::time::Duration;
 
-/// steps → pose.
+/// steps, wheels, fix → pose.
 pub struct EstimatorProcess {
     estimator: PoseEstimator,
     steps: Input<Steps>,
+    /// Only of a robot whose sensors it reads: then each tick waits for its wheels.
+    sensors: Option<SensorInputs>,
     pose: Output<Pose>,
     period_ticks: u64,
     report: Report,
 }
 
+/// What the plant says of the robot.
+struct SensorInputs {
+    wheels: Input<Wheels>,
+    fix: Input<PoseFix>,
+    /// The odometry is the encoders', not the steps'.
+    encoders: bool,
+    pairing: Pairing<Steps, Wheels>,
+    fixes: Fixes,
+}
+
 impl EstimatorProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
+        let system = &worker.system;
+        let sensors = match system.reads_sensors() {
+            true => Some(SensorInputs {
+                wheels: worker.domain.input(&wires::WHEELS)?,
+                fix: worker.domain.input(&wires::FIX)?,
+                encoders: system.motors.has_encoders(),
+                pairing: Pairing::default(),
+                fixes: Fixes::default(),
+            }),
+            false => None,
+        };
         Ok(Self {
-            estimator: build::pose_estimator(&worker.system),
+            estimator: build::pose_estimator(system),
             steps: worker.domain.input(&wires::STEPS)?,
+            sensors,
             pose: worker.domain.output(&wires::POSE)?,
-            period_ticks: worker.system.timing.period_ticks,
+            period_ticks: system.timing.period_ticks,
             report: Report::default(),
         })
+    }
+
+    /// The next tick of which everything is there, estimated.
+    fn next(&mut self) -> Option<Pose> {
+        let Some(SensorInputs { wheels, fix, encoders, pairing, fixes }) = &mut self.sensors else {
+            let steps = self.steps.next()?;
+            let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
+            return Some(self.estimator.step(steps.tick, inputs));
+        };
+        let (steps, wheels) = pairing.next(|| self.steps.next(), || wheels.next())?;
+        let counts = if *encoders { &wheels.counts } else { &steps.counts };
+        let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
+        let pose = self.estimator.step(steps.tick, inputs);
+        self.report.rejected = pairing.lost() + fixes.lost();
+        Some(pose)
     }
 }
 
@@ -41,12 +81,11 @@ impl Reactive for EstimatorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
         let mut period_begins = false;
-        while let Some(steps) = self.steps.next() {
-            let pose = self.estimator.step(steps.tick, &steps);
+        while let Some(pose) = self.next() {
             self.pose.send(&pose);
-            self.report.tick = steps.tick;
+            self.report.tick = pose.tick;
             self.report.steps += 1;
-            period_begins |= steps.tick.is_multiple_of(self.period_ticks);
+            period_begins |= pose.tick.is_multiple_of(self.period_ticks);
             worked = true;
         }
         // Only the pose that begins a control period is a reason to wake anybody.
@@ -62,6 +101,10 @@ impl Reactive for EstimatorProcess {
 
     fn connect(&self) {
         self.steps.connect();
+        if let Some(sensors) = &self.sensors {
+            sensors.wheels.connect();
+            sensors.fix.connect();
+        }
         self.pose.connect();
     }
 }
@@ -147,7 +190,7 @@ pub struct ControllerProcess {
     controller: Controller,
     reference: Input<Reference>,
     pose: Input<Pose>,
-    pairing: Pairing,
+    pairing: Pairing<Reference, Pose>,
     command: Output<Command>,
     report: Report,
 }
@@ -175,9 +218,9 @@ impl Reactive for ControllerProcess {
             self.report.tick = reference.tick;
             let inputs = ControllerInputs { reference: &reference, pose: &pose };
             let command = self.controller.step(reference.tick, inputs);
-            (self.report.state, self.report.reason) = match command.degraded {
-                0 => (HealthState::Running, ""),
-                _ => (HealthState::Degraded, "the law fell back on a lesser answer"),
+            (self.report.state, self.report.reason) = match Fallback::from_code(command.fallback) {
+                None | Some(Fallback::None) => (HealthState::Running, ""),
+                Some(fallback) => (HealthState::Degraded, fallback.label()),
             };
             self.command.send(&command);
             self.report.steps += 1;
@@ -200,37 +243,55 @@ impl Reactive for ControllerProcess {
     }
 }
 
-/// steps → truth.
+/// steps → truth, wheels, fix.
 pub struct PlantProcess {
-    plant: StepperDrive,
+    plant: Plant,
     steps: Input<Steps>,
     truth: Output<Truth>,
+    /// Only of a robot whose estimator reads them.
+    sensors: Option<(Output<Wheels>, Output<PoseFix>)>,
     report: Report,
 }
 
 impl PlantProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
+        let domain = &worker.domain;
+        let sensors = match worker.system.reads_sensors() {
+            true => Some((domain.output(&wires::WHEELS)?, domain.output(&wires::FIX)?)),
+            false => None,
+        };
         Ok(Self {
             plant: build::plant(&worker.system)?,
-            steps: worker.domain.input(&wires::STEPS)?,
-            truth: worker.domain.output(&wires::TRUTH)?,
+            steps: domain.input(&wires::STEPS)?,
+            truth: domain.output(&wires::TRUTH)?,
+            sensors,
             report: Report::default(),
         })
     }
 }
 
 impl Reactive for PlantProcess {
-    fn poll(&mut self, _worker: &mut Worker) -> bool {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
         while let Some(steps) = self.steps.next() {
-            let truth = self.plant.step(steps.tick, &steps);
-            self.truth.send(&truth);
+            let observed = self.plant.step(steps.tick, &steps);
+            if let Some((wheels, fix)) = &self.sensors {
+                // The fix first: whoever has the wheels of a tick has its fixes.
+                if let Some(seen) = &observed.fix {
+                    fix.send(seen);
+                }
+                wheels.send(&observed.wheels);
+            }
+            self.truth.send(&observed.truth);
             self.report.tick = steps.tick;
             self.report.steps += 1;
             worked = true;
         }
         // Nobody is woken by the truth: its only reader looks by itself.
+        if worked && self.sensors.is_some() {
+            worker.page.ring(&wires::WHEELS);
+        }
         worked
     }
 
@@ -241,6 +302,10 @@ impl Reactive for PlantProcess {
     fn connect(&self) {
         self.steps.connect();
         self.truth.connect();
+        if let Some((wheels, fix)) = &self.sensors {
+            wheels.connect();
+            fix.connect();
+        }
     }
 }
 

@@ -2,12 +2,14 @@
 
 use super::ClockKind;
 use crate::config::System;
-use hilare_controller::{Controller, Identity, LawSetup, TwistLimits};
+use hilare_controller::{ControlLaw, Controller, Identity, LawSetup, TwistLimits};
 use hilare_interfaces::chassis::Chassis;
-use hilare_planner::Navigator;
-use hilare_plant::StepperDrive;
-use hilare_plant::stepper_drive::Body;
-use hilare_pose_estimator::PoseEstimator;
+use hilare_interfaces::motors::Motors;
+use hilare_planner::{Map, Navigator};
+use hilare_plant::camera::Camera;
+use hilare_plant::stepper_drive::{Body, StepperDrive};
+use hilare_plant::{Plant, Robot};
+use hilare_pose_estimator::{EstimatorSetup, PoseEstimator};
 use hilare_step_generator::StepGenerator;
 use hilare_step_generator::authority::GateParams;
 use hilare_waypoint_selector::WaypointSelector;
@@ -21,21 +23,23 @@ pub fn step_generator(system: &System, clock: ClockKind) -> StepGenerator {
             GateParams { lease_ticks: 0, pause_stop_ticks: 0, ..system.timing }
         }
     };
-    StepGenerator::new(system.chassis, system.limits, system.step_rad(), gate)
+    StepGenerator::new(system.chassis, system.motors, system.limits, gate)
 }
 
 /// The pose estimator, at the system's start pose.
 pub fn pose_estimator(system: &System) -> PoseEstimator {
-    PoseEstimator::new(system.chassis, system.step_rad(), system.start)
+    let setup =
+        EstimatorSetup { chassis: system.chassis, count_rad: system.count_rad(), start: system.start };
+    PoseEstimator::new(system.estimator, setup)
 }
 
 /// The waypoint selector.
 pub fn waypoint_selector(system: &System) -> WaypointSelector {
-    WaypointSelector::new(system.tracking)
+    WaypointSelector::new(system.tracking, system.acceptance())
 }
 
-/// The controller with the system's law.
-pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
+/// The system's law, or which of its parameters is wrong.
+pub fn law(system: &System) -> Result<Box<dyn ControlLaw>, String> {
     let law = system.controller.law;
     let values = system.controller.values();
     let setup = LawSetup {
@@ -46,28 +50,41 @@ pub fn controller(system: &System, identity: Identity) -> Result<Controller, Str
             omega_max_radps: system.limits.omega_max_radps,
         },
         acceptance_radius_m: system.tracking.acceptance_radius_m,
-        accept_at_bisector: system.tracking.accept_at_bisector,
+        acceptance: system.acceptance(),
         period_ticks: system.timing.period_ticks,
         values: &values,
     };
-    let built =
-        (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
-    Ok(Controller::new(built, identity, system.timing.period_ticks))
+    (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))
+}
+
+/// The controller with the system's law.
+pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
+    Ok(Controller::new(law(system)?, identity, system.timing.period_ticks))
 }
 
 /// The planner, with the system's map if it has one.
 pub fn navigator(system: &System) -> Result<Navigator, String> {
     let map = system.load_map().map_err(|error| error.to_string())?;
-    Ok(Navigator::new(map.as_ref(), &system.planner, system.tracking.acceptance_radius_m))
+    Ok(navigator_on(map.as_ref(), system))
+}
+
+/// The planner on a map that is loaded already.
+pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
+    let radius_m = system.tracking.acceptance_radius_m;
+    Navigator::new(map, &system.planner, radius_m, system.chassis.is_omnidirectional())
 }
 
 /// The simulated robot.
-pub fn plant(system: &System) -> Result<StepperDrive, String> {
-    match system.chassis {
-        Chassis::Differential(wheels) => {
-            let body = Body { track_m: wheels.track_m, step_length_m: system.stepper.step_length_m };
-            Ok(StepperDrive::new(body, system.plant, system.start))
+pub fn plant(system: &System) -> Result<Plant, String> {
+    let robot = match (&system.chassis, &system.motors) {
+        (Chassis::Differential(wheels), Motors::Stepper(stepper)) => {
+            let body = Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
+            Robot::StepperDrive(StepperDrive::new(body, system.plant.stepper_drive, system.start))
         }
-        Chassis::Mecanum(_) => Err("chassis.kind: there is no mecanum plant; use differential".to_owned()),
-    }
+        (chassis, motors) => {
+            return Err(format!("no simulated robot has {} and {} motors", chassis.name(), motors.name()));
+        }
+    };
+    let camera = system.estimator.needs_fixes().then(|| Camera::new(system.camera));
+    Ok(Plant::new(robot, camera))
 }

@@ -1,45 +1,108 @@
-//! Pairs each reference with the pose of its tick.
+//! Pairs messages of one tick that come over two wires.
 //!
 //! A writer fills its readers' queues one after the other. The waypoint selector may have a pose,
 //! answer it and be read by the controller while the estimator is still on its way to the
 //! controller's own queue (seen in lockstep on busy cores, where it then waited for ever). So a
-//! reference whose pose is not there yet waits; only a later pose proves that it was lost.
+//! reference whose pose is not there yet waits; only a later pose proves that it was lost. Steps and
+//! the wheels that answer them meet in the same way.
 
-use hilare_interfaces::messages::{Pose, Reference};
+use hilare_interfaces::block::Tick;
+use hilare_interfaces::messages::{Pose, PoseFix, Reference, Steps, Wheels};
 
-/// References and poses on their way to each other.
-#[derive(Debug, Default)]
-pub struct Pairing {
-    reference: Option<Reference>,
-    /// Newest pose read.
-    pose: Option<Pose>,
+/// A message of a tick.
+pub trait Stamped: Copy {
+    /// The tick.
+    fn tick(&self) -> Tick;
+}
+
+macro_rules! stamped {
+    ($($message:ty),*) => {
+        $(impl Stamped for $message {
+            fn tick(&self) -> Tick {
+                self.tick
+            }
+        })*
+    };
+}
+stamped!(Pose, Reference, Steps, Wheels);
+
+/// Messages on their way to each other; each of the first kind is wanted with one of the second.
+#[derive(Debug)]
+pub struct Pairing<A, B> {
+    waiting: Option<A>,
+    /// Newest of the second kind that was read.
+    newest: Option<B>,
     lost: u64,
 }
 
-impl Pairing {
-    /// The next reference with its pose, from what the wires hold now.
+impl<A, B> Default for Pairing<A, B> {
+    fn default() -> Self {
+        Self { waiting: None, newest: None, lost: 0 }
+    }
+}
+
+impl<A: Stamped, B: Stamped> Pairing<A, B> {
+    /// The next pair, from what the wires hold now.
     pub fn next(
         &mut self,
-        mut references: impl FnMut() -> Option<Reference>,
-        mut poses: impl FnMut() -> Option<Pose>,
-    ) -> Option<(Reference, Pose)> {
+        mut first: impl FnMut() -> Option<A>,
+        mut second: impl FnMut() -> Option<B>,
+    ) -> Option<(A, B)> {
         loop {
-            let reference = match self.reference {
+            let wanting = match self.waiting {
                 Some(waiting) => waiting,
-                None => *self.reference.insert(references()?),
+                None => *self.waiting.insert(first()?),
             };
-            while self.pose.is_none_or(|pose| pose.tick < reference.tick) {
-                self.pose = Some(poses()?);
+            while self.newest.is_none_or(|newest| newest.tick() < wanting.tick()) {
+                self.newest = Some(second()?);
             }
-            self.reference = None;
-            match self.pose.filter(|pose| pose.tick == reference.tick) {
-                Some(pose) => return Some((reference, pose)),
+            self.waiting = None;
+            match self.newest.filter(|newest| newest.tick() == wanting.tick()) {
+                Some(partner) => return Some((wanting, partner)),
                 None => self.lost += 1,
             }
         }
     }
 
-    /// References whose pose was lost.
+    /// Messages of the first kind whose partner was lost.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+/// Fixes that can wait for their tick.
+const MOST_FIXES: usize = 64;
+
+/// Fixes that have come, until they are used.
+#[derive(Debug)]
+pub struct Fixes {
+    waiting: Vec<PoseFix>,
+    used: usize,
+    lost: u64,
+}
+
+impl Default for Fixes {
+    fn default() -> Self {
+        Self { waiting: Vec::with_capacity(MOST_FIXES), used: 0, lost: 0 }
+    }
+}
+
+impl Fixes {
+    /// The fixes to be used at `tick`, each once, the oldest first; takes in what has arrived.
+    pub fn due(&mut self, tick: Tick, mut arrived: impl FnMut() -> Option<PoseFix>) -> &[PoseFix] {
+        self.waiting.drain(..self.used);
+        while let Some(fix) = arrived() {
+            if self.waiting.len() < MOST_FIXES {
+                self.waiting.push(fix);
+            } else {
+                self.lost += 1;
+            }
+        }
+        self.used = self.waiting.iter().take_while(|fix| fix.tick <= tick).count();
+        &self.waiting[..self.used]
+    }
+
+    /// Fixes for which there was no room.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -68,7 +131,7 @@ mod tests {
             self
         }
 
-        fn next(&mut self, pairing: &mut Pairing) -> Option<(u64, u64)> {
+        fn next(&mut self, pairing: &mut Pairing<Reference, Pose>) -> Option<(u64, u64)> {
             let (references, poses) = (&mut self.references, &mut self.poses);
             pairing.next(|| references.pop_front(), || poses.pop_front()).map(|(r, p)| (r.tick, p.tick))
         }
@@ -95,5 +158,20 @@ mod tests {
         wires.reference(10).poses(7..11);
         assert_eq!(wires.next(&mut pairing), Some((10, 10)));
         assert_eq!(pairing.lost(), 1);
+    }
+
+    #[test]
+    fn a_fix_waits_for_its_tick_and_is_used_once() {
+        let fix = |tick| PoseFix { tick, ..PoseFix::ZERO };
+        let mut fixes = Fixes::default();
+        let mut come = vec![fix(9), fix(7), fix(3)];
+        let mut ticks =
+            |tick| -> Vec<Tick> { fixes.due(tick, || come.pop()).iter().map(|f| f.tick).collect() };
+        assert_eq!(
+            [ticks(2), ticks(3), ticks(4), ticks(9), ticks(10)],
+            [vec![], vec![3], vec![], vec![7, 9], vec![]]
+        );
+        let mut many = (0..100).map(fix);
+        assert_eq!((fixes.due(200, || many.next()).len(), fixes.lost()), (MOST_FIXES, 36));
     }
 }

@@ -24,7 +24,7 @@ pub struct PlannerProcess {
     robot: WorldPoint,
     deadline: Duration,
     /// The scenario's own path, published first of all.
-    first: Vec<WorldPoint>,
+    first: Vec<Waypoint>,
     report: Report,
 }
 
@@ -54,9 +54,9 @@ impl PlannerProcess {
         })
     }
 
-    fn publish(&mut self, goal_id: u64, path: &[WorldPoint]) -> bool {
+    fn publish(&mut self, goal_id: u64, path: &[Waypoint]) -> bool {
         let header = PathHeader { path_id: self.report.path_id + 1, goal_id };
-        let sent = self.path.send(&header, path.iter().map(|point| Waypoint::from(*point)));
+        let sent = self.path.send(&header, path.iter().copied());
         if sent {
             self.report.path_id = header.path_id;
         }
@@ -64,7 +64,7 @@ impl PlannerProcess {
     }
 
     /// Plans for a goal and publishes the path; on any failure the old path stays.
-    fn answer(&mut self, header: &GoalHeader, waypoints: &[WorldPoint]) -> Answer {
+    fn answer(&mut self, header: &GoalHeader, waypoints: &[Waypoint]) -> Answer {
         let refused = |why: &str| Answer { goal_id: header.goal_id, text: text_field(why), ..Answer::ZERO };
         let Some(kind) = GoalKind::from_code(header.kind) else { return refused("unknown kind of goal") };
         if header.has_heading != 0 {
@@ -97,11 +97,7 @@ impl Reactive for PlannerProcess {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;
         }
-        let next_goal = || {
-            self.goal.next(|header, waypoints| {
-                (*header, waypoints.iter().map(|waypoint| waypoint.point()).collect::<Vec<_>>())
-            })
-        };
+        let next_goal = || self.goal.next(|header, waypoints| (*header, waypoints.to_vec()));
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
             let text = text_field(OVERTAKEN);

@@ -127,6 +127,8 @@ impl Domain {
                 Box::new(self.create::<m::Command>(&w::COMMAND)?),
                 Box::new(self.create::<m::Authority>(&w::AUTHORITY)?),
                 Box::new(self.create::<m::Steps>(&w::STEPS)?),
+                Box::new(self.create::<m::Wheels>(&w::WHEELS)?),
+                Box::new(self.create::<m::PoseFix>(&w::FIX)?),
                 Box::new(self.create::<m::Pose>(&w::POSE)?),
                 Box::new(self.create::<m::Truth>(&w::TRUTH)?),
                 Box::new(self.create::<m::Health>(&w::HEALTH)?),

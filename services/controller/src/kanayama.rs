@@ -6,15 +6,18 @@
 //!     robot  ────┼──────── x_e
 //! ```
 //!
-//! The target pose is the current waypoint with the heading of the segment that ends in it (6).
-//! ω_r is 0: waypoint paths consist of straight segments. The paper's gains are for millimetres;
-//! here k2 is in 1/m² and k3 in 1/m, a factor 10⁶ and 10³ larger.
+//! The target pose is the current waypoint with the heading of the segment that ends in it (6), and
+//! ω_r is 0. The paper's gains are for millimetres; here k2 is in 1/m² and k3 in 1/m, a factor 10⁶ and
+//! 10³ larger.
 //!
-//! Departs from the paper in one point: with the waypoint straight behind, sin θ_e is 0 and v_c
-//! negative, so the paper's robot would stand still for ever; ours turns left.
+//! Departs from the paper in two points. With the waypoint straight behind, sin θ_e is 0 and v_c
+//! negative, so the paper's robot would stand still for ever; ours turns left. And the paper has no
+//! arcs: on one, the target is the place of the arc nearest to the robot, with ω_r = v_r/R.
 
 use crate::{Built, ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
-use hilare_interfaces::geometry::{BodyError, BodyTwist, Segment, WorldPose};
+use hilare_interfaces::acceptance::Acceptance;
+use hilare_interfaces::geometry::{BodyError, BodyTwist, WorldPose};
+use hilare_interfaces::messages::Reference;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
 
@@ -39,6 +42,8 @@ pub const SPEC: LawSpec = LawSpec {
     title: "Kanayama's law on the current waypoint",
     source: "Kanayama et al. 1990; Mathew & Hiremath 2018, eq. 5, 7",
     chassis: &["differential"],
+    acceptance: Acceptance::Rim,
+    allocations: 0,
     params: KanayamaGains::SPECS,
     build,
 };
@@ -57,11 +62,21 @@ pub struct Kanayama {
     gains: KanayamaGains,
 }
 
+/// Target pose and ω_r.
+fn target(reference: &Reference, pose: WorldPose) -> (WorldPose, f64) {
+    let segment = reference.segment();
+    if segment.is_line() {
+        return (WorldPose::new(segment.to.x_m, segment.to.y_m, segment.heading_rad()), 0.0);
+    }
+    let station = segment.nearest(pose.position());
+    let target = WorldPose::new(station.point.x_m, station.point.y_m, station.heading_rad);
+    (target, reference.speed_mps * segment.curvature_per_m())
+}
+
 impl ControlLaw for Kanayama {
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
         let reference = inputs.reference;
-        let segment = Segment::new(reference.last.point(), reference.current.point());
-        let target = WorldPose::new(segment.to.x_m, segment.to.y_m, segment.heading_rad());
+        let (target, omega_r) = target(reference, inputs.pose);
         let error = BodyError::between(inputs.pose, target);
         let (mut sin, cos) = libm::sincos(error.theta_rad);
         if cos < 0.0 && sin.abs() < HALF_TURN_TIE {
@@ -70,8 +85,8 @@ impl ControlLaw for Kanayama {
         let v_r = reference.speed_mps;
         // [MH18] (7)
         let vx_mps = v_r * cos + self.gains.k1_per_s * error.x_m;
-        let omega_radps = v_r * (self.gains.k2_per_m2 * error.y_m + self.gains.k3_per_m * sin);
-        LawOutput { twist: BodyTwist::new(vx_mps, 0.0, omega_radps), degraded: false }
+        let omega_radps = omega_r + v_r * (self.gains.k2_per_m2 * error.y_m + self.gains.k3_per_m * sin);
+        LawOutput::sound(BodyTwist::new(vx_mps, 0.0, omega_radps))
     }
 
     fn reset(&mut self) {}

@@ -6,10 +6,11 @@
 pub mod kanayama;
 pub mod qp;
 
-use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::acceptance::Acceptance;
+use hilare_interfaces::block::{Block, TICK_S, Tick};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
-use hilare_interfaces::messages::{Command, Pose, Reference, ReferenceState};
+use hilare_interfaces::messages::{Command, Fallback, Pose, Reference, ReferenceState};
 use hilare_interfaces::params::{ParamError, ParamSpec};
 
 /// Every law that can be named.
@@ -37,6 +38,10 @@ pub struct LawSpec {
     pub source: &'static str,
     /// Chassis it can drive ([`Chassis::name`]).
     pub chassis: &'static [&'static str],
+    /// The rule of the waypoint selector it is made for; a system file may ask for another.
+    pub acceptance: Acceptance,
+    /// Most allocations of one step.
+    pub allocations: u64,
     /// Its parameters.
     pub params: &'static [ParamSpec],
     /// Builds it.
@@ -63,8 +68,8 @@ pub struct LawSetup<'a> {
     pub limits: TwistLimits,
     /// Distance at which the selector accepts a waypoint, d_T, m.
     pub acceptance_radius_m: f64,
-    /// It accepts there only once the next line is as near as the current one.
-    pub accept_at_bisector: bool,
+    /// Where within that distance it accepts.
+    pub acceptance: Acceptance,
     /// Ticks from one command to the next, and from a pose to the command it leads to.
     pub period_ticks: u64,
     /// Parameter values by name; what is missing has its default.
@@ -72,23 +77,36 @@ pub struct LawSetup<'a> {
 }
 
 /// What a law sees: the reference is under way (`Tracking`).
+///
+/// Where the current segment has a crab angle, pose and twists are those of the *course frame*: the
+/// robot's frame turned by that angle, so that its x axis is the wanted direction of travel. A law that
+/// drives forwards along a path thus drives sideways along it without knowing. Laws that look beyond
+/// the current segment find the crab angles of the coming ones in the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct LawInputs<'a> {
-    /// Estimated pose.
+    /// Estimated pose, in the course frame.
     pub pose: WorldPose,
     /// What to track.
     pub reference: &'a Reference,
-    /// What this controller commanded last: it acts until the command of this step does.
+    /// What this controller commanded last: it acts until the command of this step does. In the course
+    /// frame.
     pub acting: BodyTwist,
 }
 
 /// What a law answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LawOutput {
-    /// Wanted twist, before the input constraints of the step generator.
+    /// Wanted twist, before the input constraints of the step generator; in the course frame.
     pub twist: BodyTwist,
-    /// True if the law had to fall back on something lesser.
-    pub degraded: bool,
+    /// What it had to do without.
+    pub fallback: Fallback,
+}
+
+impl LawOutput {
+    /// A twist the law fully stands by.
+    pub const fn sound(twist: BodyTwist) -> Self {
+        Self { twist, fallback: Fallback::None }
+    }
 }
 
 /// A control law: called once a control period; total, without clock or allocation.
@@ -118,6 +136,15 @@ pub struct ControllerInputs<'a> {
     pub pose: &'a Pose,
 }
 
+/// How fast the commands of a controller that takes over may depart from what acts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandoverLimits {
+    /// Change of the linear velocity, m/s².
+    pub accel_mps2: f64,
+    /// Change of the yaw rate, rad/s².
+    pub accel_radps2: f64,
+}
+
 /// The box: a law with an identity, stamping its commands.
 pub struct Controller {
     law: Box<dyn ControlLaw>,
@@ -126,12 +153,49 @@ pub struct Controller {
     seq: u64,
     path_id: u64,
     acting: BodyTwist,
+    /// In force from a handover until the law's own command is reached.
+    handover: Option<HandoverLimits>,
 }
 
 impl Controller {
     /// A controller whose commands act `period_ticks` after their pose.
     pub fn new(law: Box<dyn ControlLaw>, identity: Identity, period_ticks: u64) -> Self {
-        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO }
+        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO, handover: None }
+    }
+
+    /// Takes over from a controller whose command `acting` acts: from there the commands approach the
+    /// law's own no faster than `limits` allow.
+    pub fn take_over(&mut self, acting: BodyTwist, limits: HandoverLimits) {
+        self.acting = acting;
+        self.handover = Some(limits);
+    }
+
+    /// The law's answer, in the robot's own frame.
+    fn ask(&mut self, pose: WorldPose, reference: &Reference) -> LawOutput {
+        let crab_rad = reference.current.crab_rad;
+        if crab_rad == 0.0 {
+            return self.law.step(LawInputs { pose, reference, acting: self.acting });
+        }
+        let course = WorldPose::new(pose.x_m, pose.y_m, pose.theta_rad + crab_rad);
+        let acting = self.acting.turned(-crab_rad);
+        let output = self.law.step(LawInputs { pose: course, reference, acting });
+        LawOutput { twist: output.twist.turned(crab_rad), ..output }
+    }
+
+    /// `wanted`, or as near to it as a handover under way allows.
+    fn approach(&mut self, wanted: BodyTwist) -> BodyTwist {
+        let Some(limits) = self.handover.filter(|_| wanted.is_finite()) else { return wanted };
+        let period_s = self.period_ticks as f64 * TICK_S;
+        let from = self.acting;
+        let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
+        let turn = wanted.omega_radps - from.omega_radps;
+        let linear = libm::hypot(dx, dy) / (limits.accel_mps2 * period_s);
+        let share = linear.max(turn.abs() / (limits.accel_radps2 * period_s));
+        if share <= 1.0 {
+            self.handover = None;
+            return wanted;
+        }
+        BodyTwist::new(from.vx_mps + dx / share, from.vy_mps + dy / share, from.omega_radps + turn / share)
     }
 }
 
@@ -146,11 +210,12 @@ impl Block for Controller {
             self.law.reset();
         }
         let output = if reference.state == ReferenceState::Tracking.code() {
-            self.law.step(LawInputs { pose: inputs.pose.pose(), reference, acting: self.acting })
+            self.ask(inputs.pose.pose(), reference)
         } else {
-            LawOutput { twist: BodyTwist::ZERO, degraded: false }
+            LawOutput::sound(BodyTwist::ZERO)
         };
-        self.acting = output.twist;
+        let twist = self.approach(output.twist);
+        self.acting = twist;
         self.seq += 1;
         Command {
             source: self.identity.source,
@@ -158,10 +223,10 @@ impl Block for Controller {
             seq: self.seq,
             pose_tick: tick,
             effective_tick: tick + self.period_ticks,
-            vx_mps: output.twist.vx_mps,
-            vy_mps: output.twist.vy_mps,
-            omega_radps: output.twist.omega_radps,
-            degraded: u64::from(output.degraded),
+            vx_mps: twist.vx_mps,
+            vy_mps: twist.vy_mps,
+            omega_radps: twist.omega_radps,
+            fallback: output.fallback.code(),
         }
     }
 }

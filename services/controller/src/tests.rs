@@ -21,7 +21,7 @@ fn every_law() -> impl Iterator<Item = (&'static str, Box<dyn ControlLaw>)> {
                 chassis: &chassis(name),
                 limits: TwistLimits { v_min_mps: 0.0, v_max_mps: 0.041, omega_max_radps: 0.747 },
                 acceptance_radius_m: 0.027,
-                accept_at_bisector: false,
+                acceptance: Acceptance::Rim,
                 period_ticks: 5,
                 values: &[],
             };
@@ -43,8 +43,8 @@ fn reference(last: (f64, f64), current: (f64, f64)) -> Reference {
         index: 1,
         total: 2,
         speed_mps: 0.04,
-        last: Waypoint { x_m: last.0, y_m: last.1 },
-        current: Waypoint { x_m: current.0, y_m: current.1 },
+        last: Waypoint::straight(last.0, last.1),
+        current: Waypoint::straight(current.0, current.1),
         ..Reference::ZERO
     }
 }

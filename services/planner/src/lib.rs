@@ -64,7 +64,9 @@ mod waypoints;
 pub use budget::{Budget, Deadline, Unlimited};
 pub use check::Border;
 pub use clearance::ClearanceField;
-pub use goal::{MAX_COORDINATE_M, MIN_SPACING_M, PathRefusal, check_goal, check_path, direct_path};
+pub use goal::{
+    MAX_COORDINATE_M, MIN_SPACING_M, PathRefusal, check_crab, check_goal, check_path, direct_path,
+};
 pub use hilare_interfaces::geometry::WorldPoint;
 pub use map::{LoadOptions, Map, MapError};
 pub use navigator::Navigator;

@@ -1,23 +1,30 @@
 //! From a goal to a path, with or without a map: what the planner process asks.
 
-use crate::goal::{check_goal, check_path, direct_path};
+use crate::goal::{check_crab, check_goal, check_path, direct_path};
 use crate::{Budget, ClearanceField, Map, Plan, Planner, PlannerSettings, Refusal};
 use hilare_interfaces::geometry::WorldPoint;
-use hilare_interfaces::messages::{GoalKind, MAX_WAYPOINTS};
+use hilare_interfaces::messages::{GoalKind, MAX_WAYPOINTS, Waypoint};
 
 /// Answers goals for one robot, on one map if there is one. The roadmap is kept between goals.
 #[derive(Debug)]
 pub struct Navigator {
     planner: Option<Planner>,
     acceptance_radius_m: f64,
+    omnidirectional: bool,
     plan: Plan,
 }
 
 impl Navigator {
-    /// For a robot that takes a waypoint as reached within `acceptance_radius_m`.
-    pub fn new(map: Option<&Map>, settings: &PlannerSettings, acceptance_radius_m: f64) -> Self {
+    /// For a robot that takes a waypoint as reached within `acceptance_radius_m`, and can move sideways or
+    /// not.
+    pub fn new(
+        map: Option<&Map>,
+        settings: &PlannerSettings,
+        acceptance_radius_m: f64,
+        omnidirectional: bool,
+    ) -> Self {
         let planner = map.map(|map| Planner::new(ClearanceField::new(map), settings.params()));
-        Self { planner, acceptance_radius_m, plan: Plan::default() }
+        Self { planner, acceptance_radius_m, omnidirectional, plan: Plan::default() }
     }
 
     /// The path from `robot` for a goal, or why there is none: one line for people.
@@ -27,23 +34,25 @@ impl Navigator {
     pub fn path(
         &mut self,
         kind: GoalKind,
-        waypoints: &[WorldPoint],
+        waypoints: &[Waypoint],
         robot: WorldPoint,
         budget: &mut dyn Budget,
-    ) -> Result<Vec<WorldPoint>, String> {
+    ) -> Result<Vec<Waypoint>, String> {
+        check_crab(waypoints, self.omnidirectional).map_err(|e| e.to_string())?;
         let (Some(planner), GoalKind::Point, Some(goal)) = (&mut self.planner, kind, waypoints.first())
         else {
             return direct_path(kind, waypoints, robot, self.acceptance_radius_m).map_err(|e| e.to_string());
         };
-        check_goal(*goal, robot, self.acceptance_radius_m).map_err(|e| e.to_string())?;
+        check_goal(goal.point(), robot, self.acceptance_radius_m).map_err(|e| e.to_string())?;
         planner
-            .plan_into(robot, *goal, budget, &mut self.plan)
+            .plan_into(robot, goal.point(), budget, &mut self.plan)
             .map_err(|refusal| advice(refusal).to_owned())?;
         if self.plan.waypoints.len() > MAX_WAYPOINTS {
             return Err(format!("the path has more than {MAX_WAYPOINTS} waypoints; raise planner.spacing_m"));
         }
-        check_path(&self.plan.waypoints).map_err(|e| e.to_string())?;
-        Ok(self.plan.waypoints.clone())
+        let path: Vec<Waypoint> = self.plan.waypoints.iter().map(|point| Waypoint::from(*point)).collect();
+        check_path(&path).map_err(|e| e.to_string())?;
+        Ok(path)
     }
 
     /// The planner, if there is a map.
@@ -83,22 +92,26 @@ mod tests {
     #[test]
     fn a_point_behind_a_wall_is_reached_around_it_and_followed_waypoints_are_not_second_guessed() {
         let settings = PlannerSettings { robot_radius_m: 0.2, spacing_m: 0.3, ..PlannerSettings::default() };
-        let mut navigator = Navigator::new(Some(&walled()), &settings, 0.05);
+        let mut navigator = Navigator::new(Some(&walled()), &settings, 0.05, false);
         let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
-        let path = navigator.path(GoalKind::Point, &[goal], robot, &mut Unlimited).unwrap();
-        assert!(path.len() > 5 && path[0] == robot && *path.last().unwrap() == goal);
+        let path = navigator.path(GoalKind::Point, &[goal.into()], robot, &mut Unlimited).unwrap();
+        assert!(path.len() > 5 && path[0].point() == robot && path[path.len() - 1].point() == goal);
         assert!(path.iter().any(|point| point.y_m > 3.0));
-        let straight = navigator.path(GoalKind::Follow, &[robot, goal], robot, &mut Unlimited).unwrap();
-        assert_eq!(straight, [robot, goal]);
+        let straight =
+            navigator.path(GoalKind::Follow, &[robot.into(), goal.into()], robot, &mut Unlimited).unwrap();
+        assert_eq!(straight, [robot.into(), goal.into()]);
         let inside = WorldPoint::new(2.05, 1.0);
-        let refused = navigator.path(GoalKind::Point, &[inside], robot, &mut Unlimited).unwrap_err();
+        let refused = navigator.path(GoalKind::Point, &[inside.into()], robot, &mut Unlimited).unwrap_err();
         assert!(refused.contains("would touch an obstacle at the goal"), "{refused}");
     }
 
     #[test]
     fn without_a_map_a_point_is_a_straight_line() {
-        let mut navigator = Navigator::new(None, &PlannerSettings::default(), 0.05);
+        let mut navigator = Navigator::new(None, &PlannerSettings::default(), 0.05, false);
         let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
-        assert_eq!(navigator.path(GoalKind::Point, &[goal], robot, &mut Unlimited).unwrap(), [robot, goal]);
+        assert_eq!(
+            navigator.path(GoalKind::Point, &[goal.into()], robot, &mut Unlimited).unwrap(),
+            [robot.into(), goal.into()]
+        );
     }
 }

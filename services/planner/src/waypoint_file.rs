@@ -1,8 +1,8 @@
-//! Waypoint files: CSV with the header `x,y`, metres, one waypoint a line.
+//! Waypoint files: CSV with the header `x,y`, metres, one waypoint a line; `x,y,bulge` and
+//! `x,y,bulge,crab_rad` for paths with arcs and sideways moves ([`Waypoint`]).
 
 use crate::goal::{PathRefusal, check_path};
-use hilare_interfaces::geometry::WorldPoint;
-use hilare_interfaces::messages::MAX_WAYPOINTS;
+use hilare_interfaces::messages::{MAX_WAYPOINTS, Waypoint};
 use std::fmt;
 use std::io::{BufRead, BufReader, Read};
 
@@ -27,20 +27,25 @@ fn at(line: u64, message: impl Into<String>) -> WaypointFileError {
     WaypointFileError { line, message: message.into() }
 }
 
+/// Columns of a waypoint file; the last two may be absent.
+const COLUMNS: [&str; 4] = ["x", "y", "bulge", "crab_rad"];
+
 /// Longest line that is looked at, bytes; a longer one is no waypoint.
 const MAX_LINE: usize = 1024;
 
 /// Reads waypoints (metres, world frame) from CSV. Blank lines and lines that begin with `#` are
 /// passed over. Reading stops at the first mistake and at [`MAX_WAYPOINTS`], so a huge or endless
 /// file costs no more than the longest allowed one.
-pub fn parse(text: impl Read) -> Result<Vec<WorldPoint>, WaypointFileError> {
+pub fn parse(text: impl Read) -> Result<Vec<Waypoint>, WaypointFileError> {
     let mut lines = Lines { reader: BufReader::new(text), bytes: Vec::new(), number: 0 };
     let Some((number, header)) = lines.next_content()? else {
         return Err(at(0, "empty; a waypoint file is CSV with the header x,y and one waypoint a line"));
     };
     let names: Vec<&str> = header.trim_start_matches('\u{feff}').split(',').map(str::trim).collect();
-    if names != ["x", "y"] {
-        return Err(at(number, format!("the header must be x,y (metres), not {:?}", clip(&header))));
+    let columns = names.len();
+    if columns < 2 || !COLUMNS.starts_with(&names) {
+        let known = "x,y (metres), x,y,bulge or x,y,bulge,crab_rad";
+        return Err(at(number, format!("the header must be {known}, not {:?}", clip(&header))));
     }
     let mut waypoints = Vec::new();
     let mut numbers = Vec::new();
@@ -48,7 +53,7 @@ pub fn parse(text: impl Read) -> Result<Vec<WorldPoint>, WaypointFileError> {
         if waypoints.len() == MAX_WAYPOINTS {
             return Err(at(number, format!("more than {MAX_WAYPOINTS} waypoints; thin the path out")));
         }
-        waypoints.push(parse_point(&line, number)?);
+        waypoints.push(parse_waypoint(&line, columns, number)?);
         numbers.push(number);
     }
     check_path(&waypoints).map_err(|refusal: PathRefusal| {
@@ -87,26 +92,41 @@ impl<R: Read> Lines<R> {
     }
 }
 
-fn parse_point(line: &str, number: u64) -> Result<WorldPoint, WaypointFileError> {
+fn parse_waypoint(line: &str, columns: usize, number: u64) -> Result<Waypoint, WaypointFileError> {
     let values: Vec<&str> = line.split(',').map(str::trim).collect();
-    let [x, y] = values[..] else {
-        return Err(at(number, format!("{} values where x,y are wanted", values.len())));
-    };
-    let coordinate =
-        |text: &str| text.parse::<f64>().map_err(|_| at(number, format!("{:?} is not a number", clip(text))));
-    Ok(WorldPoint::new(coordinate(x)?, coordinate(y)?))
+    if values.len() != columns {
+        let wanted = COLUMNS[..columns].join(",");
+        return Err(at(number, format!("{} values where {wanted} are wanted", values.len())));
+    }
+    let mut numbers = [0.0; COLUMNS.len()];
+    for (slot, text) in numbers.iter_mut().zip(values) {
+        *slot = text.parse().map_err(|_| at(number, format!("{:?} is not a number", clip(text))))?;
+    }
+    let [x_m, y_m, bulge, crab_rad] = numbers;
+    Ok(Waypoint { x_m, y_m, bulge, crab_rad })
 }
 
 fn clip(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// Writes waypoints as a waypoint file; reading it back gives the same bits.
-pub fn write(waypoints: &[WorldPoint]) -> String {
-    let mut text = String::from("x,y\n");
-    for point in waypoints {
-        text.push_str(&format!("{},{}\n", point.x_m, point.y_m));
+/// Writes waypoints as a waypoint file, with no more columns than they need; reading it back gives the
+/// same bits.
+pub fn write(waypoints: &[Waypoint]) -> String {
+    let any = |pick: fn(&Waypoint) -> f64| waypoints.iter().any(|waypoint| pick(waypoint) != 0.0);
+    let columns = match (any(|waypoint| waypoint.bulge), any(|waypoint| waypoint.crab_rad)) {
+        (_, true) => 4,
+        (true, false) => 3,
+        (false, false) => 2,
+    };
+    let mut text = COLUMNS[..columns].join(",");
+    for waypoint in waypoints {
+        let numbers = [waypoint.x_m, waypoint.y_m, waypoint.bulge, waypoint.crab_rad];
+        let row: Vec<String> = numbers[..columns].iter().map(f64::to_string).collect();
+        text.push('\n');
+        text.push_str(&row.join(","));
     }
+    text.push('\n');
     text
 }
 
@@ -133,6 +153,9 @@ mod tests {
         assert!(error("x,y\n0,0\ninf,1\n").starts_with("3: coordinates must be finite"));
         assert!(error("x,y\n0,0\n1,1\n1,1\n").starts_with("4: the same place"));
         assert!(error("x,y\n0,0\n200000,1\n").starts_with("3: coordinates beyond"));
+        assert!(error("x,y,crab\n1,2,3\n").starts_with("1: the header must be x,y"));
+        assert!(error("x,y,bulge\n0,0,0\n1,1\n").starts_with("3: 2 values where x,y,bulge"));
+        assert!(error("x,y,bulge\n0,0,0\n1,1,9\n").starts_with("3: an arc of more than 270°"));
         let binary = parse(&b"x,y\n\xff\xfe,1\n"[..]).unwrap_err();
         assert!(binary.to_string().contains("not text"), "{binary}");
     }
@@ -140,7 +163,7 @@ mod tests {
     #[test]
     fn a_byte_order_mark_windows_lines_and_blanks_are_fine() {
         let points = parse("\u{feff}x, y\r\n0, 0\r\n\r\n 1 ,2\r\n".as_bytes()).unwrap();
-        assert_eq!(points, [WorldPoint::new(0.0, 0.0), WorldPoint::new(1.0, 2.0)]);
+        assert_eq!(points, [Waypoint::straight(0.0, 0.0), Waypoint::straight(1.0, 2.0)]);
     }
 
     #[test]
@@ -168,8 +191,15 @@ mod tests {
         }
 
         #[test]
-        fn what_is_written_reads_back(points in proptest::collection::vec((-1e3..1e3f64, -1e3..1e3f64), 2..50)) {
-            let points: Vec<_> = points.into_iter().map(|(x, y)| WorldPoint::new(x, y)).collect();
+        fn what_is_written_reads_back(
+            points in proptest::collection::vec((-1e3..1e3f64, -1e3..1e3f64, -2.0..2.0f64), 2..50), columns in 2usize..5,
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x_m, y_m, z)| Waypoint {
+                x_m,
+                y_m,
+                bulge: if columns > 2 { z } else { 0.0 },
+                crab_rad: if columns > 3 { -z } else { 0.0 },
+            }).collect();
             prop_assume!(check_path(&points).is_ok());
             prop_assert_eq!(parse(write(&points).as_bytes()).unwrap(), points);
         }

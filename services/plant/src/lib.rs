@@ -1,13 +1,84 @@
-//! The simulated robots.
+//! The simulated robots, and the camera that watches them.
 //!
 //! The plant is the judge: it computes where the wheels' contact points go and shares no kinematics
 //! with the boxes it judges. What the control path believes (wheel size, no slip, where it started)
 //! is wrong here as far as the parameters say; all of them are 0 by default.
 #![no_std]
 
+extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
+pub mod camera;
+pub mod noise;
 pub mod stepper_drive;
 
-pub use stepper_drive::{StepperDrive, StepperDriveParams};
+use camera::Camera;
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
+use stepper_drive::StepperDrive;
+
+/// A simulated robot.
+#[derive(Clone, Debug)]
+pub enum Robot {
+    /// Two wheels on stepper motors.
+    StepperDrive(StepperDrive),
+}
+
+impl Robot {
+    /// The true pose after a tick.
+    #[inline]
+    fn step(&mut self, steps: &Steps) -> WorldPose {
+        match self {
+            Self::StepperDrive(robot) => robot.step(steps),
+        }
+    }
+
+    /// Encoder counts; zero where there are no encoders.
+    fn counts(&self) -> [i64; 4] {
+        match self {
+            Self::StepperDrive(_) => [0; 4],
+        }
+    }
+}
+
+/// What a tick shows of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct Observed {
+    /// Where it is.
+    pub truth: Truth,
+    /// What its encoders say.
+    pub wheels: Wheels,
+    /// What the camera says, if a picture has come through.
+    pub fix: Option<PoseFix>,
+}
+
+/// The box: a robot, and a camera if one watches it.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    robot: Robot,
+    camera: Option<Camera>,
+}
+
+impl Plant {
+    /// A robot at its start.
+    pub fn new(robot: Robot, camera: Option<Camera>) -> Self {
+        Self { robot, camera }
+    }
+}
+
+impl Block for Plant {
+    type Inputs<'a> = &'a Steps;
+    type Output = Observed;
+
+    #[inline]
+    fn step(&mut self, tick: Tick, steps: &Steps) -> Observed {
+        let pose = self.robot.step(steps);
+        Observed {
+            truth: Truth::at(tick, pose),
+            wheels: Wheels { tick, counts: self.robot.counts() },
+            fix: self.camera.as_mut().and_then(|camera| camera.watch(tick, pose)),
+        }
+    }
+}

@@ -11,9 +11,10 @@
 //! The arc is followed exactly, not by Euler's rule, so truth and estimate part by the estimator's
 //! own integration error even when nothing slips.
 
-use hilare_interfaces::block::{Block, Tick};
+use crate::noise::Noise;
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPose;
-use hilare_interfaces::messages::{Steps, Truth};
+use hilare_interfaces::messages::Steps;
 use hilare_interfaces::param_group;
 
 param_group! {
@@ -53,7 +54,7 @@ pub struct Body {
     pub step_length_m: f64,
 }
 
-/// The box.
+/// The robot.
 #[derive(Clone, Debug)]
 pub struct StepperDrive {
     params: StepperDriveParams,
@@ -121,12 +122,10 @@ impl StepperDrive {
     }
 }
 
-impl Block for StepperDrive {
-    type Inputs<'a> = &'a Steps;
-    type Output = Truth;
-
+impl StepperDrive {
+    /// The true pose after the steps of a tick; an older message changes nothing.
     #[inline]
-    fn step(&mut self, _tick: Tick, steps: &Steps) -> Truth {
+    pub fn step(&mut self, steps: &Steps) -> WorldPose {
         if steps.tick >= self.tick {
             let counts = [steps.counts[0], steps.counts[1]];
             if counts != self.counts {
@@ -137,36 +136,7 @@ impl Block for StepperDrive {
             }
             self.tick = steps.tick;
         }
-        Truth::at(self.tick, self.pose)
-    }
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014) and the Box–Muller transform: small, seeded, the same bits
-/// everywhere.
-#[derive(Clone, Debug)]
-struct Noise(u64);
-
-impl Noise {
-    fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In (0, 1].
-    fn uniform(&mut self) -> f64 {
-        ((self.next() >> 11) + 1) as f64 / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));
-        radius * libm::cos(core::f64::consts::TAU * self.uniform())
+        self.pose
     }
 }
 
@@ -181,14 +151,14 @@ mod tests {
     fn drive(params: StepperDriveParams, moves: impl Iterator<Item = (i64, i64)>) -> WorldPose {
         let mut plant = StepperDrive::new(BODY, params, WorldPose::default());
         let mut steps = Steps::ZERO;
-        let mut truth = Truth::ZERO;
+        let mut truth = WorldPose::default();
         for (right, left) in moves {
             steps.tick += 1;
             steps.counts[0] += right;
             steps.counts[1] += left;
-            truth = plant.step(steps.tick, &steps);
+            truth = plant.step(&steps);
         }
-        truth.pose()
+        truth
     }
 
     #[test]

@@ -1,169 +1,108 @@
-//! The pose estimator: dead reckoning from cumulative steps, paper 1 eq. (30), (31).
+//! The pose estimator: where the robot thinks it is, once a tick.
 //!
-//! Position is summed by Euler's rule with the heading before the tick, as the paper does. The
-//! heading is not summed but computed from the counts, which makes it free of rounding drift and
-//! independent of lost messages. If messages were lost, the missing steps are still in the counts;
-//! they are then taken as one arc.
+//! * [`dead_reckoning`]: from steps or encoder counts alone, paper 1 eq. (30), (31),
+//! * [`camera_hold`]: the newest pose measured from outside, as it is, as in papers 2 and 3.
+//!
+//! Odometry comes as cumulative counts, so a lost message loses no way; fixes carry the tick of their
+//! picture.
 #![no_std]
 
 #[cfg(test)]
 extern crate std;
 
+pub mod camera_hold;
+pub mod dead_reckoning;
+
+use camera_hold::CameraHold;
+use dead_reckoning::DeadReckoning;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::geometry::WorldPose;
-use hilare_interfaces::messages::{Pose, Steps};
+use hilare_interfaces::messages::{Pose, PoseFix};
+
+/// What a tick reads.
+#[derive(Clone, Copy, Debug)]
+pub struct EstimatorInputs<'a> {
+    /// Cumulative steps or encoder counts after the tick.
+    pub counts: &'a PerWheel<i64>,
+    /// Fixes to be used from this tick on, the oldest first; empty where there is no camera.
+    pub fixes: &'a [PoseFix],
+}
+
+/// An estimator that can be chosen by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstimatorKind {
+    /// [`DeadReckoning`].
+    DeadReckoning,
+    /// [`CameraHold`].
+    Camera,
+}
+
+impl EstimatorKind {
+    /// All of them; the first is the default.
+    pub const ALL: [Self; 2] = [Self::DeadReckoning, Self::Camera];
+
+    /// Name in system files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::DeadReckoning => "dead-reckoning",
+            Self::Camera => "camera",
+        }
+    }
+
+    /// The estimator of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// True if it uses fixes: the robot then needs a camera that watches it.
+    pub const fn needs_fixes(self) -> bool {
+        !matches!(self, Self::DeadReckoning)
+    }
+}
+
+/// What an estimator is built from.
+#[derive(Clone, Copy, Debug)]
+pub struct EstimatorSetup {
+    /// The robot.
+    pub chassis: Chassis,
+    /// Wheel angle of one count, rad.
+    pub count_rad: f64,
+    /// Pose the robot is assumed to start at.
+    pub start: WorldPose,
+}
 
 /// The box.
 #[derive(Clone, Debug)]
-pub struct PoseEstimator {
-    chassis: Chassis,
-    step_rad: f64,
-    /// Heading gained by one step of each wheel, rad.
-    heading_per_step_rad: PerWheel<f64>,
-    start_heading_rad: f64,
-    pose: WorldPose,
-    cos_sin: (f64, f64),
-    counts: PerWheel<i64>,
-    tick: Tick,
+pub enum PoseEstimator {
+    /// From counts alone.
+    DeadReckoning(DeadReckoning),
+    /// From fixes alone.
+    Camera(CameraHold),
 }
 
 impl PoseEstimator {
-    /// Starts at `start` with no steps counted. `step_rad` is β, the wheel angle of one step.
-    pub fn new(chassis: Chassis, step_rad: f64, start: WorldPose) -> Self {
-        let mut heading_per_step_rad = [0.0; 4];
-        for (wheel, gain) in heading_per_step_rad.iter_mut().enumerate() {
-            let mut one = [0.0; 4];
-            one[wheel] = step_rad;
-            *gain = chassis.twist(one).omega_radps;
+    /// At the assumed start, with nothing counted.
+    pub fn new(kind: EstimatorKind, setup: EstimatorSetup) -> Self {
+        match kind {
+            EstimatorKind::DeadReckoning => {
+                Self::DeadReckoning(DeadReckoning::new(setup.chassis, setup.count_rad, setup.start))
+            }
+            EstimatorKind::Camera => Self::Camera(CameraHold::new(setup.start)),
         }
-        let (sin, cos) = libm::sincos(start.theta_rad);
-        Self {
-            chassis,
-            step_rad,
-            heading_per_step_rad,
-            start_heading_rad: start.theta_rad,
-            pose: start,
-            cos_sin: (cos, sin),
-            counts: [0; 4],
-            tick: 0,
-        }
-    }
-
-    fn heading_rad(&self, counts: PerWheel<i64>) -> f64 {
-        let turned: f64 =
-            counts.iter().zip(self.heading_per_step_rad).map(|(n, gain)| *n as f64 * gain).sum();
-        self.start_heading_rad + turned
-    }
-
-    fn advance(&mut self, steps: &Steps) {
-        let mut wheel_rad = [0.0; 4];
-        for (wheel, angle) in wheel_rad.iter_mut().enumerate() {
-            *angle = self.step_rad * steps.counts[wheel].wrapping_sub(self.counts[wheel]) as f64;
-        }
-        // [MH18] (30), (3): wheel angles into a displacement of the body.
-        let moved = self.chassis.twist(wheel_rad);
-        let heading_rad = self.heading_rad(steps.counts);
-        if steps.tick != self.tick + 1 {
-            // Messages were lost: the chord of an arc points along the mean heading.
-            let (sin, cos) = libm::sincos((self.pose.theta_rad + heading_rad) / 2.0);
-            self.cos_sin = (cos, sin);
-        }
-        // [MH18] (31), (2)
-        let (cos, sin) = self.cos_sin;
-        self.pose.x_m += moved.vx_mps * cos - moved.vy_mps * sin;
-        self.pose.y_m += moved.vx_mps * sin + moved.vy_mps * cos;
-        self.pose.theta_rad = heading_rad;
-        let (sin, cos) = libm::sincos(heading_rad);
-        self.cos_sin = (cos, sin);
-        self.counts = steps.counts;
     }
 }
 
 impl Block for PoseEstimator {
-    type Inputs<'a> = &'a Steps;
+    type Inputs<'a> = EstimatorInputs<'a>;
     type Output = Pose;
 
-    /// The pose after the steps of message `steps`; a repeated or older message changes nothing.
     #[inline]
-    fn step(&mut self, _tick: Tick, steps: &Steps) -> Pose {
-        if steps.tick >= self.tick {
-            if steps.counts != self.counts {
-                self.advance(steps);
-            }
-            self.tick = steps.tick;
-        }
-        Pose::at(self.tick, self.pose)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
-    use hilare_interfaces::layout::WireField;
-    use proptest::prelude::*;
-
-    const STEP_RAD: f64 = 0.13 / 20.0;
-
-    fn estimator() -> PoseEstimator {
-        let chassis = Chassis::Differential(DifferentialParams::default());
-        PoseEstimator::new(chassis, STEP_RAD, WorldPose::new(0.2, 0.2, 0.0))
-    }
-
-    fn steps(tick: Tick, right: i64, left: i64) -> Steps {
-        Steps { tick, counts: [right, left, 0, 0], ..Steps::ZERO }
-    }
-
-    #[test]
-    fn straight_ahead_is_the_step_length() {
-        let mut estimator = estimator();
-        let mut pose = Pose::ZERO;
-        for n in 0..=1000 {
-            pose = estimator.step(n, &steps(n, n as i64, n as i64));
-        }
-        assert!((pose.x_m - (0.2 + 0.13)).abs() < 1e-12);
-        assert_eq!((pose.y_m, pose.theta_rad, pose.tick), (0.2, 0.0, 1000));
-    }
-
-    #[test]
-    fn sideways_mecanum_steps_move_it_sideways() {
-        let chassis = Chassis::Mecanum(MecanumParams::default());
-        let mut estimator =
-            PoseEstimator::new(chassis, 0.01, WorldPose::new(0.0, 0.0, core::f64::consts::FRAC_PI_2));
-        let pose = estimator.step(1, &Steps { tick: 1, counts: [-10, 10, 10, -10], ..Steps::ZERO });
-        assert!((pose.x_m + 10.0 * 0.01 * 0.05).abs() < 1e-12 && pose.y_m.abs() < 1e-12);
-    }
-
-    proptest! {
-        #[test]
-        fn lost_messages_lose_no_step(
-            moves in proptest::collection::vec((-1i64..=1, -1i64..=1), 50..400),
-            lost in proptest::collection::vec(any::<bool>(), 400),
-        ) {
-            let (mut whole, mut holes) = (estimator(), estimator());
-            let (mut right, mut left) = (0, 0);
-            let mut pair = (Pose::ZERO, Pose::ZERO);
-            for (n, (r, l)) in moves.iter().enumerate() {
-                right += r;
-                left += l;
-                let message = steps(n as u64 + 1, right, left);
-                pair.0 = whole.step(message.tick, &message);
-                if !lost[n] || n + 1 == moves.len() {
-                    pair.1 = holes.step(message.tick, &message);
-                }
-            }
-            let (a, b) = pair;
-            prop_assert_eq!(a.theta_rad, b.theta_rad, "the heading is exact");
-            // A step is 0.13 mm and turns it by 2.4 mrad; arcs of lost stretches differ in second order.
-            prop_assert!(libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m) < 2e-4 * moves.len() as f64 / 10.0);
-        }
-
-        #[test]
-        fn old_messages_change_nothing(right in 0i64..50, left in 0i64..50) {
-            let mut estimator = estimator();
-            let pose = estimator.step(9, &steps(9, right, left));
-            prop_assert_eq!(estimator.step(4, &steps(4, 1, 0)), pose);
-        }
+    fn step(&mut self, tick: Tick, inputs: EstimatorInputs<'_>) -> Pose {
+        let pose = match self {
+            Self::DeadReckoning(estimator) => estimator.step(tick, inputs.counts),
+            Self::Camera(estimator) => estimator.step(inputs.fixes),
+        };
+        Pose::at(tick, pose)
     }
 }

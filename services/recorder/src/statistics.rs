@@ -1,15 +1,16 @@
 //! The figures of a run, as spec 1 and `summary.json` define them.
 //!
 //! Means are over every tick until the selector accepts the last waypoint. Cross-track is the
-//! distance of the truth to the line through the last and the current waypoint; the speed error is
+//! distance of the truth to the line (or arc) through the last and the current waypoint; the speed error is
 //! |v − v_r| of the commanded speed after the input constraints; the true speed is the truth's
 //! displacement over 0.1 s.
 
 use crate::TickRecord;
 use hilare_interfaces::block::TICK_S;
-use hilare_interfaces::geometry::{Segment, WorldPoint, WorldPose};
+use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Reference, ReferenceState, Steps};
+use hilare_interfaces::segment::Segment;
 use serde::{Deserialize, Serialize};
 
 /// Window of the true speed, ticks (0.1 s, about the paper's camera).
@@ -27,7 +28,7 @@ pub struct RunStatistics {
     true_speed_error_sum_mps: f64,
     true_speed_samples: u64,
     window: Box<[WorldPoint; SPEED_WINDOW]>,
-    line: Line,
+    track: Track,
     hash: StateHash,
     pose: WorldPose,
     truth: WorldPose,
@@ -83,7 +84,7 @@ impl Default for RunStatistics {
             true_speed_error_sum_mps: 0.0,
             true_speed_samples: 0,
             window: Box::new([WorldPoint::default(); SPEED_WINDOW]),
-            line: Line::default(),
+            track: Track::default(),
             hash: StateHash::default(),
             pose: WorldPose::default(),
             truth: WorldPose::default(),
@@ -120,7 +121,7 @@ impl RunStatistics {
         self.hash.update(self.pose);
         let position = self.truth.position();
         if record.reference.state == ReferenceState::Tracking.code() {
-            let distance = self.line.of(record.reference).distance_m(position);
+            let distance = self.track.of(record.reference).distance_m(position);
             self.cross_track_sum_m += distance;
             self.cross_track_max_m = self.cross_track_max_m.max(distance);
         }
@@ -162,30 +163,51 @@ impl RunStatistics {
     }
 }
 
-/// The tracked line with its normal, recomputed only when the waypoint changes.
+/// The tracked segment, worked out only when the waypoint changes.
 #[derive(Clone, Copy, Debug, Default)]
-struct Line {
+struct Track {
     key: (u64, u64),
-    normal: (f64, f64),
-    offset: f64,
+    shape: Shape,
 }
 
-impl Line {
+#[derive(Clone, Copy, Debug)]
+enum Shape {
+    Line { normal: (f64, f64), offset: f64 },
+    Circle { centre: WorldPoint, radius_m: f64 },
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self::Line { normal: (0.0, 0.0), offset: 0.0 }
+    }
+}
+
+impl Track {
     fn of(&mut self, reference: &Reference) -> &Self {
         let key = (reference.path_id, reference.index);
         if key != self.key {
-            let segment = Segment::new(reference.last.point(), reference.current.point());
-            let length = segment.length_m().max(f64::MIN_POSITIVE);
-            let normal =
-                (-(segment.to.y_m - segment.from.y_m) / length, (segment.to.x_m - segment.from.x_m) / length);
-            let offset = normal.0 * segment.from.x_m + normal.1 * segment.from.y_m;
-            *self = Self { key, normal, offset };
+            *self = Self { key, shape: Shape::of(reference.segment()) };
         }
         self
     }
 
     fn distance_m(&self, point: WorldPoint) -> f64 {
-        (self.normal.0 * point.x_m + self.normal.1 * point.y_m - self.offset).abs()
+        match self.shape {
+            Shape::Line { normal, offset } => (normal.0 * point.x_m + normal.1 * point.y_m - offset).abs(),
+            Shape::Circle { centre, radius_m } => (centre.distance_m(point) - radius_m).abs(),
+        }
+    }
+}
+
+impl Shape {
+    fn of(segment: Segment) -> Self {
+        if let Some(centre) = segment.centre() {
+            return Self::Circle { centre, radius_m: centre.distance_m(segment.to) };
+        }
+        let length = segment.length_m().max(f64::MIN_POSITIVE);
+        let normal =
+            (-(segment.to.y_m - segment.from.y_m) / length, (segment.to.x_m - segment.from.x_m) / length);
+        Self::Line { normal, offset: normal.0 * segment.from.x_m + normal.1 * segment.from.y_m }
     }
 }
 
@@ -216,7 +238,7 @@ mod tests {
             path_id: 1,
             index: 1,
             speed_mps: 0.040,
-            current: Waypoint { x_m: 1.0, y_m: 0.0 },
+            current: Waypoint::straight(1.0, 0.0),
             ..Reference::ZERO
         };
         for n in 1..=500u64 {

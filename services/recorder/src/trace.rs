@@ -1,7 +1,7 @@
 //! The curves of a run: one row a control period, bounded.
 
 use crate::TickRecord;
-use hilare_interfaces::geometry::{Segment, WorldPose};
+use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
 use hilare_interfaces::messages::{Reference, ReferenceState};
 
 /// Rows kept at most; beyond, every second one is dropped and the stride doubles.
@@ -22,6 +22,8 @@ pub struct TraceRow {
     pub omega_radps: f64,
     /// Signed cross-track distance of the truth, m, positive to the left.
     pub cross_track_m: f64,
+    /// Direction of travel of the truth (heading plus crab angle) less that of the path, rad.
+    pub heading_error_rad: f64,
     /// Index of the current waypoint.
     pub waypoint: u64,
 }
@@ -55,13 +57,15 @@ impl Trace {
             self.rows.retain(|row| row.tick.is_multiple_of(stride));
         }
         let twist = record.steps.commanded_twist();
+        let (cross_track_m, heading_error_rad) = deviation(record.reference, record.truth.pose());
         self.rows.push(TraceRow {
             tick: record.steps.tick,
             pose: record.pose.pose(),
             truth: record.truth.pose(),
             speed_mps: twist.speed_mps(),
             omega_radps: twist.omega_radps,
-            cross_track_m: signed_cross_track_m(record.reference, record.truth.pose()),
+            cross_track_m,
+            heading_error_rad,
             waypoint: record.reference.index,
         });
     }
@@ -71,12 +75,12 @@ impl Trace {
         let mut csv = String::with_capacity(self.rows.len() * 150);
         csv.push_str(
             "tick,pose_x_m,pose_y_m,pose_theta_rad,truth_x_m,truth_y_m,truth_theta_rad,\
-             speed_mps,omega_radps,cross_track_m,waypoint\n",
+             speed_mps,omega_radps,cross_track_m,heading_error_rad,waypoint\n",
         );
         for row in &self.rows {
             let (p, t) = (row.pose, row.truth);
             csv.push_str(&format!(
-                "{},{},{},{},{},{},{},{},{},{},{}\n",
+                "{},{},{},{},{},{},{},{},{},{},{},{}\n",
                 row.tick,
                 p.x_m,
                 p.y_m,
@@ -87,6 +91,7 @@ impl Trace {
                 row.speed_mps,
                 row.omega_radps,
                 row.cross_track_m,
+                row.heading_error_rad,
                 row.waypoint
             ));
         }
@@ -114,16 +119,20 @@ fn parse_row(line: &str) -> Option<TraceRow> {
         speed_mps: number()?,
         omega_radps: number()?,
         cross_track_m: number()?,
+        heading_error_rad: number()?,
         waypoint: number()? as u64,
     };
     values.next().is_none().then_some(row)
 }
 
-fn signed_cross_track_m(reference: &Reference, truth: WorldPose) -> f64 {
+/// Signed cross-track distance (m) and heading error (rad) of the truth; zero without a path.
+fn deviation(reference: &Reference, truth: WorldPose) -> (f64, f64) {
     if reference.state == ReferenceState::Idle.code() {
-        return 0.0;
+        return (0.0, 0.0);
     }
-    Segment::new(reference.last.point(), reference.current.point()).cross_track_m(truth.position())
+    let station = reference.segment().nearest(truth.position());
+    let course_rad = truth.theta_rad + reference.current.crab_rad;
+    (station.cross_track_m, wrap_angle_rad(course_rad - station.heading_rad))
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, Drive, Steps};
+use hilare_interfaces::motors::Motors;
 use limits::Limits;
 use pulses::PulseTrain;
 
@@ -48,14 +49,13 @@ pub struct StepGenerator {
 }
 
 impl StepGenerator {
-    /// A step generator at rest, disarmed, having counted no step. `step_rad` is β, the wheel angle
-    /// of one step.
-    pub fn new(chassis: Chassis, limits: Limits, step_rad: f64, gate: GateParams) -> Self {
+    /// A step generator at rest, disarmed, having counted no step.
+    pub fn new(chassis: Chassis, motors: Motors, limits: Limits, gate: GateParams) -> Self {
         Self {
             chassis,
             limits,
             gate: Gate::new(gate),
-            pulses: PulseTrain::new(step_rad, chassis.wheels()),
+            pulses: PulseTrain::new(&motors, &chassis),
             commanded: BodyTwist::ZERO,
             constrained: limits.constrain(&chassis, BodyTwist::ZERO),
             twist: BodyTwist::ZERO,

@@ -3,33 +3,37 @@
 //! The angle owed to each wheel grows by ω·Δt a tick; when it reaches a step, the step is made and
 //! subtracted. A remainder is never thrown away, so speeds average out exactly, and there is at
 //! most one step a tick and wheel, so a pulse rate above the tick rate cannot occur.
+//!
+//! Servo motors get wheel speeds, not pulses. Their counts are the same sum in encoder counts, as
+//! many a tick as there are: where the wheels should be.
 
 use hilare_interfaces::block::TICK_S;
-use hilare_interfaces::chassis::PerWheel;
-use hilare_interfaces::param_group;
-
-param_group! {
-    /// The stepper drive.
-    Stepper {
-        /// Rim travel of one step; with the wheel's radius it gives the step angle β.
-        step_length_m: f64 = 0.000_13, "m", 1e-7, 0.1;
-    }
-}
+use hilare_interfaces::chassis::{Chassis, PerWheel};
+use hilare_interfaces::motors::Motors;
 
 /// Pulses of all wheels.
 #[derive(Clone, Debug)]
 pub struct PulseTrain {
     step_rad: f64,
     wheels: usize,
+    /// At most one count a tick: pulses of a stepper.
+    one_a_tick: bool,
     per_tick_rad: PerWheel<f64>,
     owed_rad: PerWheel<f64>,
     counts: PerWheel<i64>,
 }
 
 impl PulseTrain {
-    /// No angle owed, no step counted. `step_rad` is β, the wheel angle of one step.
-    pub fn new(step_rad: f64, wheels: usize) -> Self {
-        Self { step_rad, wheels, per_tick_rad: [0.0; 4], owed_rad: [0.0; 4], counts: [0; 4] }
+    /// No angle owed, no step counted.
+    pub fn new(motors: &Motors, chassis: &Chassis) -> Self {
+        Self {
+            step_rad: motors.count_rad(chassis),
+            wheels: chassis.wheels(),
+            one_a_tick: matches!(motors, Motors::Stepper(_)),
+            per_tick_rad: [0.0; 4],
+            owed_rad: [0.0; 4],
+            counts: [0; 4],
+        }
     }
 
     /// Wheel speeds for the ticks to come, rad/s.
@@ -38,9 +42,12 @@ impl PulseTrain {
         self.per_tick_rad = speeds_radps.map(|speed| speed * TICK_S);
     }
 
-    /// One tick: at most one step a wheel.
+    /// One tick.
     #[inline]
     pub fn tick(&mut self) {
+        if !self.one_a_tick {
+            return self.count_whole();
+        }
         for wheel in 0..self.wheels {
             // [MH18] (27)
             let mut owed = self.owed_rad[wheel] + self.per_tick_rad[wheel];
@@ -56,7 +63,16 @@ impl PulseTrain {
         }
     }
 
-    /// Cumulative signed steps.
+    fn count_whole(&mut self) {
+        for wheel in 0..self.wheels {
+            let owed = self.owed_rad[wheel] + self.per_tick_rad[wheel];
+            let whole = libm::trunc(owed / self.step_rad);
+            self.counts[wheel] += whole as i64;
+            self.owed_rad[wheel] = owed - whole * self.step_rad;
+        }
+    }
+
+    /// Cumulative signed steps or counts.
     pub fn counts(&self) -> PerWheel<i64> {
         self.counts
     }
@@ -65,16 +81,32 @@ impl PulseTrain {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hilare_interfaces::chassis::DifferentialParams;
+    use hilare_interfaces::motors::{ServoParams, StepperParams};
     use proptest::prelude::*;
 
     const STEP_RAD: f64 = 0.13 / 20.0;
+
+    fn train(motors: Motors) -> PulseTrain {
+        PulseTrain::new(&motors, &Chassis::Differential(DifferentialParams::default()))
+    }
+
+    #[test]
+    fn a_servos_counts_follow_any_speed() {
+        let mut train = train(Motors::Servo(ServoParams { counts_per_turn: 4000 }));
+        train.set_speeds([50.0, -50.0, 0.0, 0.0]);
+        (0..1000).for_each(|_| train.tick());
+        let expected = 50.0 / core::f64::consts::TAU * 4000.0;
+        assert!((train.counts()[0] as f64 - expected).abs() <= 1.0);
+        assert_eq!(train.counts()[0], -train.counts()[1]);
+    }
 
     proptest! {
         #[test]
         fn steps_follow_the_commanded_angle_and_never_bunch(
             speeds in proptest::collection::vec((-3.25..3.25f64, 1usize..400), 1..12),
         ) {
-            let mut train = PulseTrain::new(STEP_RAD, 2);
+            let mut train = train(Motors::Stepper(StepperParams::default()));
             let mut angle = 0.0;
             let mut last_step = None::<(usize, i64)>;
             let mut tick = 0;

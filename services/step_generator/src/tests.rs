@@ -3,9 +3,8 @@
 use super::*;
 use hilare_interfaces::chassis::DifferentialParams;
 use hilare_interfaces::messages::Mode;
+use hilare_interfaces::motors::StepperParams;
 use proptest::prelude::*;
-
-const STEP_RAD: f64 = 0.13 / 20.0;
 
 struct Rig {
     generator: StepGenerator,
@@ -17,7 +16,8 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let chassis = Chassis::Differential(DifferentialParams::default());
-        let generator = StepGenerator::new(chassis, Limits::default(), STEP_RAD, GateParams::default());
+        let motors = Motors::Stepper(StepperParams::default());
+        let generator = StepGenerator::new(chassis, motors, Limits::default(), GateParams::default());
         Self { generator, tick: 0, seq: 0, authority: Authority::ZERO }
     }
 
@@ -248,7 +248,7 @@ proptest! {
             let garbage = Command {
                 source: words[0] % 3, epoch: words[1] % 3, seq: words[2],
                 pose_tick: words[3] % 1000, effective_tick: words[4] % 1000,
-                vx_mps: twist[0], vy_mps: twist[1], omega_radps: twist[2], degraded: 0,
+                vx_mps: twist[0], vy_mps: twist[1], omega_radps: twist[2], fallback: 0,
             };
             let steps = rig.tick_with(&[garbage, garbage]);
             prop_assert!(steps.wheel_speed_radps.iter().all(|w| w.abs() <= 3.25 + 1e-9));

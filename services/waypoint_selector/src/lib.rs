@@ -1,8 +1,9 @@
 //! The waypoint selector: which waypoint the robot tracks, paper 1 eq. (6), (8).
 //!
 //! Waypoint 0 is where the path begins; the first to track is waypoint 1. Waypoint k + 1 becomes the
-//! reference when the robot is within d_T of waypoint k; the run has arrived when the last one is
-//! accepted. At most one waypoint is accepted a control period, as in the paper's loop.
+//! reference when waypoint k is accepted, in the paper when the robot is within d_T of it; other laws
+//! ask for other rules ([`Acceptance`]). The run has arrived when the last one is accepted. At most one
+//! waypoint is accepted a control period, as in the paper's loop.
 #![no_std]
 
 extern crate alloc;
@@ -10,8 +11,9 @@ extern crate alloc;
 extern crate std;
 
 use alloc::vec::Vec;
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::{Block, Tick};
-use hilare_interfaces::geometry::{Segment, WorldPoint};
+use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
     MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint,
@@ -25,9 +27,6 @@ param_group! {
         speed_mps: f64 = 0.040, "m/s", 0.0, 10.0;
         /// Acceptance radius of a waypoint, d_T (the paper's is half the track).
         acceptance_radius_m: f64 = 0.027, "m", 1e-4, 10.0;
-        /// Inside that radius, wait until the next line is as near as the current one (the paper
-        /// accepts on the rim).
-        accept_at_bisector: bool = false, "", 0, 1;
     }
 }
 
@@ -53,6 +52,7 @@ pub struct SelectorInputs<'a> {
 #[derive(Clone, Debug)]
 pub struct WaypointSelector {
     tracking: Tracking,
+    acceptance: Acceptance,
     waypoints: Vec<Waypoint>,
     reference: Reference,
     rejected_paths: u64,
@@ -62,9 +62,10 @@ pub struct WaypointSelector {
 
 impl WaypointSelector {
     /// Without a path. Allocates room for the longest one, so that a step never does.
-    pub fn new(tracking: Tracking) -> Self {
+    pub fn new(tracking: Tracking, acceptance: Acceptance) -> Self {
         Self {
             tracking,
+            acceptance,
             waypoints: Vec::with_capacity(MAX_WAYPOINTS),
             reference: Reference::ZERO,
             rejected_paths: 0,
@@ -79,7 +80,7 @@ impl WaypointSelector {
 
     fn take_path(&mut self, path: NewPath<'_>) {
         let valid = (2..=MAX_WAYPOINTS).contains(&path.waypoints.len())
-            && path.waypoints.iter().all(|waypoint| waypoint.point().is_finite());
+            && path.waypoints.iter().all(|waypoint| waypoint.is_finite());
         if !valid {
             self.rejected_paths += 1;
             return;
@@ -108,20 +109,20 @@ impl WaypointSelector {
         self.reference.preview[..len].copy_from_slice(&coming[..len]);
     }
 
-    /// `[MH18] (8)`, or, where asked for, (8) and at the best point of the circle: where the robot
-    /// passes from the current line to the next, at the latest when it leaves.
+    /// The rule of [`Acceptance`]. The last waypoint leads nowhere, so it has no bisector.
     fn accepts(&mut self, robot: WorldPoint) -> bool {
-        let current = self.reference.current.point();
-        let inside = robot.distance_m(current) <= self.tracking.acceptance_radius_m;
+        let segment = self.reference.segment();
+        let inside = robot.distance_m(segment.to) <= self.tracking.acceptance_radius_m;
         let left = self.inside && !inside;
         self.inside = inside;
-        if !self.tracking.accept_at_bisector || self.reference.preview_len == 0 {
-            return inside;
+        let passed = self.acceptance == Acceptance::Passed && segment.nearest(robot).along >= 1.0;
+        if self.acceptance == Acceptance::Rim || self.reference.preview_len == 0 {
+            // [MH18] (8)
+            return inside || passed;
         }
-        let line = Segment::new(self.reference.last.point(), current);
-        let next = Segment::new(current, self.reference.preview[0].point());
-        let nearer = || next.cross_track_m(robot).abs() <= line.cross_track_m(robot).abs();
-        left || (inside && nearer())
+        let next = self.reference.preview[0].segment_from(self.reference.current);
+        let nearer = || next.cross_track_m(robot).abs() <= segment.cross_track_m(robot).abs();
+        left || passed || (inside && nearer())
     }
 }
 
@@ -156,8 +157,12 @@ mod tests {
     use super::*;
     use hilare_interfaces::geometry::WorldPose;
 
+    fn accepting(acceptance: Acceptance) -> WaypointSelector {
+        WaypointSelector::new(Tracking::default(), acceptance)
+    }
+
     fn path(points: &[(f64, f64)]) -> Vec<Waypoint> {
-        points.iter().map(|(x_m, y_m)| Waypoint { x_m: *x_m, y_m: *y_m }).collect()
+        points.iter().map(|(x_m, y_m)| Waypoint::straight(*x_m, *y_m)).collect()
     }
 
     fn at(x_m: f64, y_m: f64) -> Pose {
@@ -172,7 +177,7 @@ mod tests {
 
     #[test]
     fn it_walks_the_path_one_waypoint_a_period_and_arrives() {
-        let mut selector = WaypointSelector::new(Tracking::default());
+        let mut selector = accepting(Acceptance::Rim);
         assert_eq!(step(&mut selector, &at(0.0, 0.0), None).state, ReferenceState::Idle.code());
         let square = path(&[(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.4, 0.31)]);
         let first = step(&mut selector, &at(0.0, 0.0), Some(&square));
@@ -189,9 +194,8 @@ mod tests {
 
     #[test]
     fn at_the_bisector_it_waits_for_the_best_point_but_not_beyond_the_circle() {
-        let tracking = Tracking { accept_at_bisector: true, ..Tracking::default() };
         let corner = path(&[(0.0, 0.0), (0.4, 0.0), (0.4, 0.3)]);
-        let mut selector = WaypointSelector::new(tracking);
+        let mut selector = accepting(Acceptance::Bisector);
         step(&mut selector, &at(0.0, 0.0), Some(&corner));
         // Inside, but nearer to the line it is on; then past the bisector.
         assert_eq!(step(&mut selector, &at(0.38, 0.001), None).index, 1);
@@ -201,15 +205,29 @@ mod tests {
         assert_eq!(step(&mut selector, &at(0.4, 0.274), None).state, ReferenceState::Arrived.code());
 
         // In and out again on the near side: accepted on leaving, as every circle visited is.
-        let mut selector = WaypointSelector::new(tracking);
+        let mut selector = accepting(Acceptance::Bisector);
         step(&mut selector, &at(0.0, 0.0), Some(&corner));
         assert_eq!(step(&mut selector, &at(0.375, 0.0), None).index, 1);
         assert_eq!(step(&mut selector, &at(0.372, 0.0), None).index, 2);
     }
 
     #[test]
+    fn a_segment_whose_end_is_passed_is_done_even_outside_the_circle() {
+        let mut path = path(&[(0.0, 0.0), (0.4, 0.0), (0.4, 0.8)]);
+        path[2].bulge = 1.0;
+        let mut selector = accepting(Acceptance::Passed);
+        step(&mut selector, &at(0.0, 0.0), Some(&path));
+        assert_eq!(step(&mut selector, &at(0.399, 0.1), None).index, 1);
+        assert_eq!(step(&mut selector, &at(0.401, 0.1), None).index, 2);
+        // The half circle to the left about (0.4, 0.4) ends where it comes back to x = 0.4.
+        assert_eq!(step(&mut selector, &at(0.9, 0.4), None).index, 2);
+        assert_eq!(step(&mut selector, &at(0.41, 0.9), None).state, ReferenceState::Tracking.code());
+        assert_eq!(step(&mut selector, &at(0.39, 0.9), None).state, ReferenceState::Arrived.code());
+    }
+
+    #[test]
     fn a_bad_path_leaves_the_old_one() {
-        let mut selector = WaypointSelector::new(Tracking::default());
+        let mut selector = accepting(Acceptance::Rim);
         step(&mut selector, &at(0.0, 0.0), Some(&path(&[(0.0, 0.0), (0.4, 0.0)])));
         let long = std::vec![Waypoint::ZERO; MAX_WAYPOINTS + 1];
         let broken = path(&[(0.0, 0.0), (f64::NAN, 0.0)]);
@@ -222,7 +240,7 @@ mod tests {
 
     #[test]
     fn the_preview_is_bounded() {
-        let mut selector = WaypointSelector::new(Tracking::default());
+        let mut selector = accepting(Acceptance::Rim);
         let long = (0..100).map(|i| (f64::from(i), 0.0)).collect::<Vec<_>>();
         let reference = step(&mut selector, &at(0.0, 0.0), Some(&path(&long)));
         assert_eq!(reference.preview_len, PREVIEW as u64);

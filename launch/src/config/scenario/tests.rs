@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn path(scenario: &Scenario) -> &[WorldPoint] {
+fn path(scenario: &Scenario) -> &[Waypoint] {
     match &scenario.task {
         Task::Follow(waypoints) => waypoints,
         Task::Reach(_) => panic!("{} has no path of its own", scenario.name),
@@ -61,7 +61,7 @@ fn the_built_in_scenarios_start_where_the_paper_starts() {
             (name, waypoints, published)
         );
         assert_eq!(scenario.system.start, WorldPose::new(0.2, 0.2, 0.0));
-        assert_eq!(path(&scenario)[0], WorldPoint::new(0.2, 0.2));
+        assert_eq!(path(&scenario)[0], Waypoint::straight(0.2, 0.2));
         assert!(
             !scenario.description.is_empty() && scenario.published.iter().all(|row| !row.source.is_empty())
         );
@@ -84,9 +84,12 @@ fn a_scenario_changes_its_system() {
                 [set]\nrobot = \"yours\"\n[set.plant]\nslip_sd = 0.3\n";
     let scenario = folder.load("square.toml", text).unwrap();
     assert_eq!((&*scenario.name, &*scenario.system.robot), ("square", "yours"));
-    assert_eq!((scenario.system.plant.slip_mean, scenario.system.plant.slip_sd), (0.1, 0.3));
+    assert_eq!(
+        (scenario.system.plant.stepper_drive.slip_mean, scenario.system.plant.stepper_drive.slip_sd),
+        (0.1, 0.3)
+    );
     assert_eq!(scenario.system.start, WorldPose::new(1.0, 0.0, 0.0));
-    assert_eq!(path(&scenario), [WorldPoint::new(0.0, 0.0), WorldPoint::new(0.0, 2.0)]);
+    assert_eq!(path(&scenario), [Waypoint::straight(0.0, 0.0), Waypoint::straight(0.0, 2.0)]);
     assert!(scenario.description.is_empty() && scenario.published.is_empty());
 }
 
@@ -134,11 +137,16 @@ fn mistakes_are_one_line_with_their_place() {
         ),
         (
             "waypoints_m = [\n[0, 0],\n[1],\n]",
-            "job.toml:3: waypoints_m: waypoint 2 is not [x, y], two numbers in metres",
+            "job.toml:3: waypoints_m: waypoint 2 is not [x, y] in metres, [x, y, bulge] for an arc or [x, y, bulge, \
+             crab_rad]",
         ),
         (
             "waypoints_m = [\n[0, 0],\n[1, 0],\n[1, 0],\n]",
             "job.toml:4: waypoints_m: waypoint 3: the same place as the waypoint before; delete one of them",
+        ),
+        (
+            "waypoints_m = [[0, 0], [1, 0, 1e-9]]",
+            "job.toml:1: waypoints_m: waypoint 2: an arc of a radius above 100000 m; write bulge 0 for a line",
         ),
         ("waypoints_m = [[0, 0]]", "job.toml:1: waypoints_m: only one waypoint; a path needs at least two"),
         (

@@ -11,7 +11,7 @@
 //! period is taken about the plan of the period before (real-time iteration), and only as far as the
 //! true cost falls. The hard limits are rows of the QP; everything else is a price, so it is always
 //! feasible. If the solver reaches its iteration cap, the best plan at hand is used and the output
-//! says `degraded`.
+//! says so ([`Fallback`]).
 //!
 //! How near to the best it comes: ∫|e| ds over one corner at full speed (R = 53.5 mm, d_T = 27 mm),
 //! optimised offline (multiple shooting, IPOPT, a phase before the switch and one behind), in mm²:
@@ -25,7 +25,7 @@
 //!
 //! Over the closed rectangle that is a mean of 1.27 mm and 0.91 mm. Whatever the law, a switch on the
 //! rim costs (1 − |cos turn|) d_T²/2, because the two lines are that far apart there. Spec 4's yardstick
-//! is of the second kind: for it the selector must be told to `accept_at_bisector`.
+//! is of the second kind, so this law asks the selector for [`Acceptance::Bisector`].
 
 pub mod frame;
 pub mod model;
@@ -35,9 +35,11 @@ pub mod weights;
 
 use crate::{Built, ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec, TwistLimits};
 use frame::{Scale, Track};
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
+use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
 use model::Model;
@@ -77,6 +79,9 @@ pub const SPEC: LawSpec = LawSpec {
     title: "predictive law with all limits inside, a QP a period",
     source: "hilare, spec 4; solver: Goulart & Chen 2024 (clarabel)",
     chassis: &["differential"],
+    acceptance: Acceptance::Bisector,
+    // The timers of clarabel.
+    allocations: 1,
     params: QpParams::SPECS,
     build,
 };
@@ -129,7 +134,7 @@ impl Qp {
                 .max(0.5 * setup.acceptance_radius_m),
             period_s: setup.period_ticks as f64 * TICK_S,
             solver: Solver::new(diamond, params.max_iterations as u32),
-            track: Track::new(setup.accept_at_bisector),
+            track: Track::new(setup.acceptance != Acceptance::Rim),
             model: Model::new(),
             rollout: Rollout::new(),
             trial: Rollout::new(),
@@ -232,7 +237,7 @@ impl ControlLaw for Qp {
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
         let Some(scale) = Scale::new(inputs.reference.speed_mps, &self.limits) else {
             let vx_mps = inputs.reference.speed_mps.min(self.limits.v_max_mps).max(self.limits.v_min_mps);
-            return LawOutput { twist: BodyTwist::new(vx_mps, 0.0, 0.0), degraded: true };
+            return LawOutput { twist: BodyTwist::new(vx_mps, 0.0, 0.0), fallback: Fallback::NoMotion };
         };
         let start = moved(inputs.pose, inputs.acting, self.period_s);
         let reach = scale.radius_m.max(2.0 * self.acceptance_m) / scale.radius_m;
@@ -247,7 +252,10 @@ impl ControlLaw for Qp {
         let bounds = self.bounds(&scale, inputs.acting);
         let cost = self.choose_start(&weights, travelled);
         let solved = self.improve(&weights, &bounds, cost);
-        LawOutput { twist: self.first_input(&scale, &bounds), degraded: !solved }
+        LawOutput {
+            twist: self.first_input(&scale, &bounds),
+            fallback: if solved { Fallback::None } else { Fallback::IterationCap },
+        }
     }
 
     fn reset(&mut self) {

@@ -10,13 +10,13 @@ use rollout::STAGES;
 
 const LIMITS: TwistLimits = TwistLimits { v_min_mps: 0.0, v_max_mps: 0.041, omega_max_radps: 0.747 };
 
-fn qp(limits: TwistLimits, accept_at_bisector: bool, params: QpParams) -> Qp {
+fn qp(limits: TwistLimits, bisector: bool, params: QpParams) -> Qp {
     let chassis = Chassis::Differential(DifferentialParams::default());
     let setup = LawSetup {
         chassis: &chassis,
         limits,
         acceptance_radius_m: 0.027,
-        accept_at_bisector,
+        acceptance: if bisector { Acceptance::Bisector } else { Acceptance::Rim },
         period_ticks: 5,
         values: &[],
     };
@@ -24,7 +24,7 @@ fn qp(limits: TwistLimits, accept_at_bisector: bool, params: QpParams) -> Qp {
 }
 
 fn path(points: &[(f64, f64)]) -> Reference {
-    let waypoint = |(x_m, y_m): (f64, f64)| Waypoint { x_m, y_m };
+    let waypoint = |(x_m, y_m): (f64, f64)| Waypoint::straight(x_m, y_m);
     let mut reference = Reference {
         state: ReferenceState::Tracking.code(),
         path_id: 1,
@@ -122,7 +122,7 @@ fn at_the_iteration_cap_it_is_degraded_and_still_inside_its_limits() {
     let (mut pose, mut acting) = (WorldPose::new(0.0, 0.01, 0.3), BodyTwist::ZERO);
     for _ in 0..400 {
         let output = law.step(LawInputs { pose, reference: &corner, acting });
-        assert!(output.degraded);
+        assert_eq!(output.fallback, Fallback::IterationCap);
         pose = moved(pose, acting, law.period_s);
         acting = output.twist;
         assert!((0.0..=0.041).contains(&acting.vx_mps) && acting.omega_radps.abs() <= 0.747);
@@ -155,7 +155,7 @@ fn standing_orders_are_answered() {
         reference: &still,
         acting: BodyTwist::ZERO,
     });
-    assert_eq!((output.twist, output.degraded), (BodyTwist::ZERO, true));
+    assert_eq!((output.twist, output.fallback), (BodyTwist::ZERO, Fallback::NoMotion));
     assert!(law("qp").is_some());
 }
 
