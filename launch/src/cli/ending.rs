@@ -3,7 +3,7 @@
 use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
-use crate::report::{Counters, PlotInput, PublishedRow, RunIdentity, Summary, verdict_text, write_report};
+use crate::report::{Correction, Counters, PlotInput, RunIdentity, Summary, verdict_text, write_report};
 use crate::shell::observer::Handover;
 use hilare_interfaces::latency::Quantiles;
 use hilare_planner::{ClearanceField, Map};
@@ -53,6 +53,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     );
     let radius_m = scenario.system.planner.robot_radius_m;
     summary.clearance_min_m = drive.map.and_then(|map| least_clearance_m(map, &end.rows, radius_m));
+    summary.correction = scenario.correction.and_then(|band| Correction::of(&end.rows, band));
     let plots = PlotInput {
         title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
         waypoints: drive.waypoints,
@@ -65,17 +66,8 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     if args.json {
         print(&summary.to_json());
     } else {
-        let published: Vec<PublishedRow<'_>> = scenario
-            .published
-            .iter()
-            .map(|row| PublishedRow {
-                source: &row.source,
-                cross_track_mean_m: row.cross_track_mean_m,
-                speed_error_mean_mps: row.speed_error_mean_mps,
-            })
-            .collect();
         let color = io::stdout().is_terminal();
-        print(&verdict_text(&summary, &published, end.stopped_by.as_deref(), color));
+        print(&verdict_text(&summary, &scenario.published, end.stopped_by.as_deref(), color));
         print(&format!("Report: {}\n", out.display()));
     }
     if handover.gaps > 0 {

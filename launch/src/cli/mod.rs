@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 fault during the run, 2 wrong use or bad input. Errors are one line on
 //! standard error; with `--json`, standard output carries JSON and nothing else.
 
+mod compare;
 mod diagram;
 mod doctor;
 mod ending;
@@ -85,6 +86,13 @@ enum Verb {
         hilare plan --map platform.json --json\nExit codes: 0 a path was found, 1 there is none (the reason is given), 2 wrong use or bad input."
     )]
     Plan(plan::PlanArgs),
+    /// Run several control laws on the same scenarios and compare them
+    #[command(
+        after_help = "Examples:\n  hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
+        hilare compare rectangle --laws kanayama,qp --seeds 20 --set estimator.kind=ekf --set plant.slip_mean=0.05\n\
+        Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
+    )]
+    Compare(compare::CompareArgs),
     /// Print the block diagram the wires are built from
     #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
     Diagram(diagram::DiagramArgs),
@@ -126,6 +134,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Follow(args)) => operate::follow(&args),
         Some(Verb::Goal(args)) => operate::goal(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
+        Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
         Some(Verb::Completions { shell }) => {

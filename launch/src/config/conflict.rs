@@ -63,11 +63,7 @@ fn law_on_chassis(system: &System) -> Option<Conflict> {
 }
 
 fn plant_of_robot(system: &System) -> Option<Conflict> {
-    let known = match (&system.chassis, &system.motors) {
-        (Chassis::Differential(_), Motors::Stepper(_)) => true,
-        _ => false,
-    };
-    if known {
+    if matches!((&system.chassis, &system.motors), (Chassis::Differential(_), Motors::Stepper(_))) {
         return None;
     }
     let what = format!(

@@ -1,18 +1,18 @@
 //! Scenario files: a system, a path to follow, and what others measured on it.
 
-use super::assign::{apply, check_number};
+use super::assign::apply;
 use super::document::{Document, Entry, Value, entries};
 use super::error::{ConfigError, quoted, read_text};
 use super::{System, find_built_in, is_path, maps, suggest};
+use crate::report::Band;
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::messages::Waypoint;
-use hilare_interfaces::params::{ParamKind, ParamSpec};
 use hilare_planner::{PathRefusal, check_path, waypoint_file};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 
 /// Scenarios that can be named without a file.
 const BUILT_IN: &[(&str, &str)] = &[
@@ -26,23 +26,17 @@ const BUILT_IN: &[(&str, &str)] = &[
 /// Waypoint files the built-in scenarios name.
 const BUILT_IN_PATHS: &[(&str, &str)] = &[("so.csv", include_str!("../../scenarios/so.csv"))];
 
-const KEYS: &[&str] =
-    &["description", "system", "waypoints_m", "waypoints_file", "goal_m", "start", "published", "set"];
-const PUBLISHED_KEYS: &[&str] = &["source", "cross_track_mean_m", "speed_error_mean_mps"];
-
-/// Published figures are millimetres in a metre key as often as not: the bounds tell them apart.
-static CROSS_TRACK: ParamSpec = ParamSpec {
-    name: "cross_track_mean_m",
-    kind: ParamKind::Real,
-    unit: "m",
-    default: 0.0,
-    min: 0.0,
-    max: 1.0,
-    doc: "Mean cross-track error.",
-};
-static SPEED_ERROR: ParamSpec =
-    ParamSpec { name: "speed_error_mean_mps", unit: "m/s", doc: "Mean speed error.", ..CROSS_TRACK };
-
+const KEYS: &[&str] = &[
+    "description",
+    "system",
+    "waypoints_m",
+    "waypoints_file",
+    "goal_m",
+    "start",
+    "correction",
+    "published",
+    "set",
+];
 /// A job: a robot and a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
@@ -54,6 +48,8 @@ pub struct Scenario {
     pub system: System,
     /// What to drive.
     pub task: Task,
+    /// What counts as corrected, if the job is to correct a deviation at the start.
+    pub correction: Option<Band>,
     /// What others measured or computed on this path.
     pub published: Vec<Published>,
 }
@@ -65,17 +61,6 @@ pub enum Task {
     Follow(Vec<Waypoint>),
     /// Find a way from the start to this point.
     Reach(WorldPoint),
-}
-
-/// Values the verdict shows beside ours.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Published {
-    /// Where they come from.
-    pub source: String,
-    /// Mean cross-track error, m.
-    pub cross_track_mean_m: Option<f64>,
-    /// Mean speed error, m/s.
-    pub speed_error_mean_mps: Option<f64>,
 }
 
 impl Scenario {
@@ -105,6 +90,7 @@ impl Scenario {
         self.task = Task::Follow(waypoints);
         self.description = format!("waypoints of {}", file.display());
         self.published.clear();
+        self.correction = None;
         Ok(self)
     }
 }
@@ -136,6 +122,7 @@ struct Parts<'t> {
     description: String,
     system: Option<System>,
     task: Option<Task>,
+    correction: Option<Band>,
     published: Vec<Published>,
     changes: Vec<Entry<'t>>,
 }
@@ -149,7 +136,7 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
         let offset = key.span().start;
         read_item(&file, home, key.get_ref(), offset, value, &mut parts)?;
     }
-    let Parts { description, system, task, published, changes } = parts;
+    let Parts { description, system, task, correction, published, changes } = parts;
     let mut system = system.ok_or_else(|| {
         file.error_of_file(
             "no system; add system = \"epuck\" (built-in) or the path of a system file (.toml)",
@@ -164,7 +151,7 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
             "no path; add waypoints_m = [[x, y], [x, y]], waypoints_file = \"FILE.csv\" or goal_m = [x, y]";
         file.error_of_file(what)
     })?;
-    Ok(Scenario { name: name.to_owned(), description, system, task, published })
+    Ok(Scenario { name: name.to_owned(), description, system, task, correction, published })
 }
 
 /// Reads one top-level key.
@@ -214,6 +201,7 @@ fn read_item<'t>(
             }
             parts.changes.extend(entries(changes, "set.", ""));
         }
+        "correction" => parts.correction = Some(correction(file, offset, table()?)?),
         "published" => {
             let wanted = "a list; write [[published]]";
             let list = value.get_ref().as_array().ok_or_else(|| wrong(wanted))?;
@@ -292,37 +280,9 @@ fn waypoints_file(
     }
 }
 
-fn published(file: &Document<'_>, offset: usize, table: &DeTable<'_>) -> Result<Published, ConfigError> {
-    let mut source = None;
-    let mut row = Published { source: String::new(), cross_track_mean_m: None, speed_error_mean_mps: None };
-    let mut items: Vec<_> = table.iter().collect();
-    items.sort_by_key(|(key, _)| key.span().start);
-    for (key, value) in items {
-        let name = key.get_ref().as_ref();
-        let value = Value::new(value.get_ref());
-        let error = |what: String| file.error(key.span().start, what);
-        let number =
-            |spec| check_number(spec, &value).map_err(|what| error(format!("published.{name}: {what}")));
-        match (name, &value) {
-            ("source", Value::Text(text)) => source = Some((*text).to_owned()),
-            ("source", _) => {
-                return Err(error(format!(
-                    "published.source: {} is not text; write it in quotes",
-                    value.describe()
-                )));
-            }
-            ("cross_track_mean_m", _) => row.cross_track_mean_m = Some(number(&CROSS_TRACK)?),
-            ("speed_error_mean_mps", _) => row.speed_error_mean_mps = Some(number(&SPEED_ERROR)?),
-            _ => {
-                let choices = suggest::choices(name, "known", PUBLISHED_KEYS);
-                return Err(error(format!("unknown key {} in [[published]]{choices}", quoted(name))));
-            }
-        }
-    }
-    row.source =
-        source.ok_or_else(|| file.error(offset, "published: no source; say where the values come from"))?;
-    Ok(row)
-}
-
+mod expected;
 #[cfg(test)]
 mod tests;
+
+pub use expected::Published;
+use expected::{correction, published};

@@ -6,6 +6,8 @@ mod labels;
 mod shapes;
 mod thin;
 
+pub mod correction;
+pub mod overlay;
 pub mod plan;
 pub mod plots;
 pub mod summary;
@@ -14,9 +16,10 @@ pub mod verdict;
 #[cfg(test)]
 mod tests;
 
+pub use correction::{Band, Correction};
 pub use plots::{PlotInput, write_plots};
 pub use summary::{Counters, RunIdentity, Summary};
-pub use verdict::{PublishedRow, verdict_text};
+pub use verdict::verdict_text;
 
 use std::fs;
 use std::io;

@@ -1,6 +1,6 @@
 //! `summary.json`: the figures of a run, keys and order fixed by the design.
 
-use super::{make_dir, write_whole};
+use super::{Correction, make_dir, write_whole};
 use hilare_interfaces::latency::Quantiles;
 use hilare_recorder::statistics::RunFigures;
 use serde::{Deserialize, Serialize};
@@ -110,6 +110,9 @@ pub struct Summary {
     /// Least distance between the true robot's rim and an obstacle of the map, m; only on a map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clearance_min_m: Option<f64>,
+    /// How the deviation at the start was corrected; only where the scenario asks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
 }
 
 impl Summary {
@@ -152,6 +155,7 @@ impl Summary {
             },
             state_hash: format!("{:016x}", figures.state_hash),
             clearance_min_m: None,
+            correction: None,
         }
     }
 

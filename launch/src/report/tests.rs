@@ -2,6 +2,7 @@
 
 use super::summary::LatenessUs;
 use super::*;
+use crate::config::Published;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::messages::Waypoint;
@@ -36,14 +37,21 @@ fn summary() -> Summary {
     Summary::new(identity, &figures(), 2, Counters::default(), lateness)
 }
 
-const PUBLISHED: [PublishedRow<'_>; 2] = [
-    PublishedRow {
-        source: "Mathew & Hiremath 2018, table 3, measured",
-        cross_track_mean_m: Some(0.006_75),
-        speed_error_mean_mps: Some(0.002_91),
-    },
-    PublishedRow { source: "simulated", cross_track_mean_m: None, speed_error_mean_mps: Some(0.002_89) },
-];
+fn published() -> [Published; 2] {
+    [
+        Published {
+            source: "Mathew & Hiremath 2018, table 3, measured".to_owned(),
+            cross_track_mean_m: Some(0.006_75),
+            speed_error_mean_mps: Some(0.002_91),
+            ..Published::default()
+        },
+        Published {
+            source: "simulated".to_owned(),
+            speed_error_mean_mps: Some(0.002_89),
+            ..Published::default()
+        },
+    ]
+}
 
 /// A directory of this test alone, removed at its end.
 struct Scratch(PathBuf);
@@ -115,7 +123,7 @@ fn an_error_names_the_path_and_the_reason() {
 
 #[test]
 fn the_verdict_reads_well() {
-    let text = verdict_text(&summary(), &PUBLISHED, None, false);
+    let text = verdict_text(&summary(), &published(), None, false);
     assert!(text.starts_with("rectangle, kanayama, real clock\n\n"), "{text}");
     for line in [
         "                                               2018, table 3,",
@@ -139,7 +147,7 @@ fn the_verdict_reads_well() {
             && !text.contains("not expected")
             && !text.contains('\x1b')
     );
-    assert!(verdict_text(&summary(), &PUBLISHED, None, true).contains("\x1b[1;32mARRIVED"));
+    assert!(verdict_text(&summary(), &published(), None, true).contains("\x1b[1;32mARRIVED"));
 }
 
 #[test]
@@ -165,9 +173,9 @@ fn the_verdict_fits_a_hundred_columns() {
     (summary.reached, summary.commands_late, summary.ticks_late) = (false, u64::MAX, u64::MAX);
     (summary.paused_ticks, summary.commands_rejected, summary.swaps) = (u64::MAX, u64::MAX, u64::MAX);
     let long = "measured".repeat(20);
-    let row = PublishedRow { source: &long, ..PUBLISHED[0] };
+    let row = Published { source: long, ..published()[0].clone() };
     for count in 0..9 {
-        let text = verdict_text(&summary, &vec![row; count], Some(&"why ".repeat(80)), false);
+        let text = verdict_text(&summary, &vec![row.clone(); count], Some(&"why ".repeat(80)), false);
         for line in text.lines() {
             assert!(line.chars().count() <= 100, "{count} columns: {line}");
             assert_eq!(line, line.trim_end());

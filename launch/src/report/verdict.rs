@@ -1,19 +1,10 @@
 //! What is printed when a run ends: its figures beside the published ones, its timing, its outcome.
 
-use super::Summary;
+use super::{Correction, Summary};
+use crate::config::Published;
 use hilare_interfaces::geometry::wrap_angle_rad;
+use std::f64::consts::PI;
 use std::fmt::Write;
-
-/// Figures somebody published for the same job.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PublishedRow<'a> {
-    /// Where they stand, for the head of the column; "measured" in it earns a footnote.
-    pub source: &'a str,
-    /// Mean cross-track distance, m.
-    pub cross_track_mean_m: Option<f64>,
-    /// Mean |v − v_r|, m/s.
-    pub speed_error_mean_mps: Option<f64>,
-}
 
 /// Widest line, characters.
 const WIDTH: usize = 100;
@@ -26,6 +17,9 @@ const COLUMNS: usize = 3;
 /// Width of each, with the two blanks before it.
 const COLUMN: usize = (WIDTH - NAME - OWN) / COLUMNS;
 
+/// Width of the names beside corrections.
+const NAMES: usize = 52;
+
 const BOLD: &str = "1";
 const GREEN: &str = "1;32";
 const RED: &str = "1;31";
@@ -36,7 +30,7 @@ const YELLOW: &str = "33";
 /// codes only with `color`.
 pub fn verdict_text(
     summary: &Summary,
-    published: &[PublishedRow<'_>],
+    published: &[Published],
     stopped_by: Option<&str>,
     color: bool,
 ) -> String {
@@ -45,13 +39,21 @@ pub fn verdict_text(
     let title = format!("{}, {}, {} clock", summary.scenario, summary.controller, summary.clock);
     paragraph(&mut text, "", &title, |line| pen.paint(BOLD, line));
     text.push('\n');
+    // Columns for those who did the same job; who only corrected a deviation has a line below.
+    let (whole, corrected): (Vec<&Published>, Vec<&Published>) = published
+        .iter()
+        .partition(|row| row.cross_track_mean_m.is_some() || row.speed_error_mean_mps.is_some());
     // Without a published figure there is still one table, of the run alone.
-    let chunks = published.chunks(COLUMNS).chain(published.is_empty().then_some(published));
+    let chunks = whole.chunks(COLUMNS).chain(whole.is_empty().then_some(&whole[..]));
     for chunk in chunks {
         table(&mut text, summary, chunk, pen);
         text.push('\n');
     }
-    if published.iter().any(is_measured) {
+    if let Some(correction) = &summary.correction {
+        corrections(&mut text, correction, &corrected);
+        text.push('\n');
+    }
+    if whole.iter().any(|row| is_measured(row)) {
         let note = "measured on a real robot seen by a camera: slip and an unsure start are in it";
         paragraph(&mut text, "* ", note, str::to_owned);
         text.push('\n');
@@ -62,7 +64,7 @@ pub fn verdict_text(
     text
 }
 
-fn is_measured(row: &PublishedRow<'_>) -> bool {
+fn is_measured(row: &Published) -> bool {
     row.source.to_lowercase().contains("measured")
 }
 
@@ -78,7 +80,7 @@ impl Pen {
     }
 }
 
-fn table(text: &mut String, summary: &Summary, published: &[PublishedRow<'_>], pen: Pen) {
+fn table(text: &mut String, summary: &Summary, published: &[&Published], pen: Pen) {
     let heads: Vec<Vec<String>> = published
         .iter()
         .map(|row| wrap(&format!("{}{}", row.source, if is_measured(row) { " *" } else { "" }), COLUMN - 2))
@@ -105,7 +107,41 @@ fn table(text: &mut String, summary: &Summary, published: &[PublishedRow<'_>], p
     }
 }
 
-type Theirs = fn(&PublishedRow<'_>) -> Option<String>;
+/// How the deviation at the start was corrected, ours first.
+fn corrections(text: &mut String, ours: &Correction, published: &[&Published]) {
+    let band = match ours.band.heading_rad {
+        rad if rad < PI => format!("{}, {:.1} deg", millimetres(ours.band.cross_track_m), rad.to_degrees()),
+        _ => millimetres(ours.band.cross_track_m),
+    };
+    let cell = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+    let mut row = |name: &str, time_s: Option<f64>, travel_m: Option<f64>, steady_m: Option<f64>| {
+        let time = cell(time_s.map(|s| format!("{s:.3} s")));
+        let travel = cell(travel_m.map(|m| format!("{m:.3} m")));
+        let steady = cell(steady_m.map(millimetres));
+        let names = wrap(name, NAMES - 2);
+        for more in &names[1..] {
+            let _ = writeln!(text, "{more}");
+        }
+        let _ = writeln!(text, "{:NAMES$}{time:>12}{travel:>12}{steady:>14}", names[0]);
+    };
+    row("this run", ours.time_s, ours.travel_m, Some(ours.steady_cross_track_m));
+    for theirs in published {
+        row(
+            &theirs.source,
+            theirs.correction_time_s,
+            theirs.correction_travel_m,
+            theirs.steady_cross_track_m,
+        );
+    }
+    let note = format!(
+        "corrected to within {band} after this time and way; {} overshoots; then at most this far off, {} in heading",
+        ours.overshoots,
+        degrees(ours.steady_heading_rad)
+    );
+    paragraph(text, "", &note, str::to_owned);
+}
+
+type Theirs = fn(&Published) -> Option<String>;
 
 /// Name, this run's value, how to get the published one.
 fn rows(summary: &Summary) -> Vec<(&'static str, String, Option<Theirs>)> {

@@ -5,6 +5,7 @@ use super::{ClockKind, build};
 use crate::config::System;
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::latency::LatencyHistogram;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
     Authority, Command, Mode, PathHeader, Pose, Reference, ReferenceState, Steps, Waypoint,
@@ -14,6 +15,7 @@ use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
 use hilare_recorder::{RunRecord, TickRecord};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
+use rustix::time::{ClockId, clock_gettime};
 
 /// The whole system in one thread.
 pub struct InProcess {
@@ -31,6 +33,8 @@ pub struct InProcess {
     observed: Observed,
     reference: Reference,
     command: Option<Command>,
+    /// Processor time of the law's steps, where it is asked for.
+    law_time: Option<Box<LatencyHistogram>>,
 }
 
 impl InProcess {
@@ -56,6 +60,7 @@ impl InProcess {
             tick: 0,
             reference: Reference::ZERO,
             command: None,
+            law_time: None,
         };
         robot.pose = robot.estimate();
         Ok(robot)
@@ -70,6 +75,16 @@ impl InProcess {
             fixes: self.observed.fix.as_slice(),
         };
         self.estimator.step(self.tick, inputs)
+    }
+
+    /// Measures the processor time of the law's steps from here on; what it commands is the same.
+    pub fn time_the_law(&mut self) {
+        self.law_time = Some(Box::new(LatencyHistogram::ZERO));
+    }
+
+    /// Processor time of the law's steps, if it was asked for; a read of the clock is in it.
+    pub fn law_time(&self) -> Option<&LatencyHistogram> {
+        self.law_time.as_deref()
     }
 
     /// The last waypoint was accepted.
@@ -107,7 +122,11 @@ impl InProcess {
         let path = path.as_ref().map(|waypoints| NewPath { header: &header, waypoints });
         self.reference = self.selector.step(self.tick, SelectorInputs { pose: &self.pose, path });
         let inputs = ControllerInputs { reference: &self.reference, pose: &self.pose };
+        let start_ns = self.law_time.is_some().then(thread_time_ns);
         self.command = Some(self.controller.step(self.tick, inputs));
+        if let (Some(time), Some(start_ns)) = (&mut self.law_time, start_ns) {
+            time.record(thread_time_ns().saturating_sub(start_ns));
+        }
     }
 
     /// Runs until arrival or `max_ticks`, recording every tick.
@@ -126,6 +145,12 @@ impl InProcess {
         }
         record
     }
+}
+
+/// What this thread has used of a processor, ns.
+fn thread_time_ns() -> u64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
 #[cfg(test)]
