@@ -1,20 +1,25 @@
 //! Values that are fine alone and do not fit each other.
 
 use super::System;
+use crate::shell::build;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 
 /// Two or more keys that contradict each other.
 pub(super) struct Conflict {
-    keys: &'static [(&'static str, &'static str)],
+    keys: Vec<(String, &'static str)>,
     /// Which, why, and what to do.
     pub what: String,
 }
 
 impl Conflict {
+    fn new(keys: &[(&str, &'static str)], what: String) -> Self {
+        Self { keys: keys.iter().map(|(section, name)| ((*section).to_owned(), *name)).collect(), what }
+    }
+
     /// True if a key takes part.
     pub(super) fn involves(&self, section: &str, name: &str) -> bool {
-        self.keys.contains(&(section, name))
+        self.keys.iter().any(|key| (key.0.as_str(), key.1) == (section, name))
     }
 }
 
@@ -24,6 +29,7 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| law_on_chassis(system))
         .or_else(|| plant_of_robot(system))
         .or_else(|| steps_a_tick(system))
+        .or_else(|| law_of_parameters(system))
 }
 
 fn reversed_limits(system: &System) -> Option<Conflict> {
@@ -33,7 +39,7 @@ fn reversed_limits(system: &System) -> Option<Conflict> {
             "limits.v_min_mps {} is above limits.v_max_mps {}, so no speed is allowed; lower v_min_mps or raise v_max_mps",
             limits.v_min_mps, limits.v_max_mps
         );
-        return Some(Conflict { keys: &[("limits", "v_min_mps"), ("limits", "v_max_mps")], what });
+        return Some(Conflict::new(&[("limits", "v_min_mps"), ("limits", "v_max_mps")], what));
     }
     if limits.omega_min_radps > limits.omega_max_radps {
         let what = format!(
@@ -41,10 +47,7 @@ fn reversed_limits(system: &System) -> Option<Conflict> {
              lower omega_min_radps or raise omega_max_radps",
             limits.omega_min_radps, limits.omega_max_radps
         );
-        return Some(Conflict {
-            keys: &[("limits", "omega_min_radps"), ("limits", "omega_max_radps")],
-            what,
-        });
+        return Some(Conflict::new(&[("limits", "omega_min_radps"), ("limits", "omega_max_radps")], what));
     }
     None
 }
@@ -59,7 +62,7 @@ fn law_on_chassis(system: &System) -> Option<Conflict> {
         law.name,
         law.chassis.join(" and ")
     );
-    Some(Conflict { keys: &[("controller", "law"), ("chassis", "kind")], what })
+    Some(Conflict::new(&[("controller", "law"), ("chassis", "kind")], what))
 }
 
 fn plant_of_robot(system: &System) -> Option<Conflict> {
@@ -71,7 +74,18 @@ fn plant_of_robot(system: &System) -> Option<Conflict> {
         system.chassis.name(),
         system.motors.name()
     );
-    Some(Conflict { keys: &[("chassis", "kind"), ("motors", "kind")], what })
+    Some(Conflict::new(&[("chassis", "kind"), ("motors", "kind")], what))
+}
+
+/// Parameters that are fine alone and of which the law can make nothing together, or with this robot.
+fn law_of_parameters(system: &System) -> Option<Conflict> {
+    let (key, error) = build::law(system).err()?;
+    let law = system.controller.law.name;
+    let section = format!("controller.{law}");
+    let what = format!("{section}.{key}: {error}");
+    let keys =
+        [(section.as_str(), key), ("controller", "law"), ("timing", "period_ticks"), ("chassis", "kind")];
+    Some(Conflict::new(&keys, what))
 }
 
 /// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.
@@ -99,7 +113,7 @@ fn steps_a_tick(system: &System) -> Option<Conflict> {
         ("motors", "step_length_m"),
         ("motors", "kind"),
     ];
-    Some(Conflict { keys, what })
+    Some(Conflict::new(keys, what))
 }
 
 fn wheel_speed_key(system: &System, fastest_radps: f64) -> &'static str {

@@ -2,7 +2,7 @@
 
 use super::ClockKind;
 use crate::config::System;
-use hilare_controller::{ControlLaw, Controller, Identity, LawSetup, TwistLimits};
+use hilare_controller::{Built, Controller, Identity, LawSetup, TwistLimits};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 use hilare_planner::{Map, Navigator};
@@ -39,8 +39,7 @@ pub fn waypoint_selector(system: &System) -> WaypointSelector {
 }
 
 /// The system's law, or which of its parameters is wrong.
-pub fn law(system: &System) -> Result<Box<dyn ControlLaw>, String> {
-    let law = system.controller.law;
+pub fn law(system: &System) -> Built {
     let values = system.controller.values();
     let setup = LawSetup {
         chassis: &system.chassis,
@@ -54,12 +53,14 @@ pub fn law(system: &System) -> Result<Box<dyn ControlLaw>, String> {
         period_ticks: system.timing.period_ticks,
         values: &values,
     };
-    (law.build)(&setup).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))
+    (system.controller.law.build)(&setup)
 }
 
 /// The controller with the system's law.
 pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
-    Ok(Controller::new(law(system)?, identity, system.timing.period_ticks))
+    let built = law(system)
+        .map_err(|(key, error)| format!("controller.{}.{key}: {error}", system.controller.law.name))?;
+    Ok(Controller::new(built, identity, system.timing.period_ticks))
 }
 
 /// The planner, with the system's map if it has one.

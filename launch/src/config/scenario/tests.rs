@@ -163,7 +163,7 @@ fn mistakes_are_one_line_with_their_place() {
         (
             "sistem = \"epuck\"",
             "job.toml:1: unknown key \"sistem\" in a scenario; did you mean \"system\"? known: description, system, \
-             waypoints_m, waypoints_file, goal_m, start, published, set; keys of the system stand in [set.SECTION]",
+             waypoints_m, waypoints_file, goal_m, start, correction, published, set; keys of the system stand in [set.SECTION]",
         ),
         ("published = 3", "job.toml:1: published: the number 3 is not a list; write [[published]]"),
         (
@@ -178,7 +178,8 @@ fn mistakes_are_one_line_with_their_place() {
         (
             "[[published]]\nsource = \"x\"\ncross_track_m = 0.1",
             "job.toml:3: unknown key \"cross_track_m\" in [[published]]; did you mean \"cross_track_mean_m\"? known: \
-             source, cross_track_mean_m, speed_error_mean_mps",
+             source, cross_track_mean_m, speed_error_mean_mps, correction_time_s, correction_travel_m, \
+             steady_cross_track_m",
         ),
     ];
     for (text, expected) in cases {
@@ -206,6 +207,29 @@ fn changes_are_checked_like_a_system_file() {
     for (changes, expected) in cases {
         let text = format!("system = \"epuck\"\n{PATH}{changes}\n");
         assert_eq!(folder.error(&text), format!("job.toml:{expected}"));
+    }
+}
+
+#[test]
+fn a_correction_says_within_what() {
+    let folder = Folder::new("correction");
+    let load =
+        |lines: &str| folder.load("job.toml", &format!("system = \"epuck\"\n{PATH}[correction]\n{lines}\n"));
+    let band = load("cross_track_m = 0.002\nheading_rad = 0.035").unwrap().correction;
+    assert_eq!(band, Some(Band { cross_track_m: 0.002, heading_rad: 0.035 }));
+    assert_eq!(load("cross_track_m = 0.01").unwrap().correction.unwrap().heading_rad, std::f64::consts::PI);
+    let cases = [
+        (
+            "heading_rad = 0.1",
+            "3: correction: no cross_track_m; say within which distance a deviation is corrected",
+        ),
+        ("cross_track_m = 0", "4: correction.cross_track_m: 0 m is outside 0.000001 to 1 m"),
+        ("cross_track_m = 0.01\nheading_rad = 4", "5: correction.heading_rad: 4 rad is outside 0.000001 to"),
+        ("band_m = 0.01", "4: unknown key \"band_m\" in [correction]; known: cross_track_m, heading_rad"),
+    ];
+    for (lines, expected) in cases {
+        let error = load(lines).unwrap_err().to_string();
+        assert!(error.contains(&format!("job.toml:{expected}")), "{error}");
     }
 }
 
