@@ -13,6 +13,7 @@ use hilare_planner::{MAX_COORDINATE_M, PlannerSettings};
 use hilare_plant::camera::CameraParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_pose_estimator::EstimatorKind;
+use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
 use hilare_waypoint_selector::Tracking;
@@ -291,7 +292,8 @@ impl Section {
     /// Its numbers and switches.
     pub(super) fn specs(self) -> &'static [ParamSpec] {
         match self {
-            Self::Top | Self::Controller | Self::Estimator => &[],
+            Self::Top | Self::Controller => &[],
+            Self::Estimator => EkfParams::SPECS,
             Self::Differential => DifferentialParams::SPECS,
             Self::Mecanum => MecanumParams::SPECS,
             Self::Stepper => StepperParams::SPECS,
@@ -318,7 +320,8 @@ impl Section {
 
     fn group(self, system: &System) -> Option<&dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller | Self::Estimator => return None,
+            Self::Top | Self::Controller => return None,
+            Self::Estimator => &system.ekf,
             Self::Differential | Self::Mecanum => &system.chassis,
             Self::Stepper | Self::Servo => &system.motors,
             Self::Limits => &system.limits,
@@ -336,7 +339,8 @@ impl Section {
 
     fn group_mut(self, system: &mut System) -> Option<&mut dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller | Self::Estimator => return None,
+            Self::Top | Self::Controller => return None,
+            Self::Estimator => &mut system.ekf,
             Self::Differential | Self::Mecanum => &mut system.chassis,
             Self::Stepper | Self::Servo => &mut system.motors,
             Self::Limits => &mut system.limits,
@@ -402,6 +406,7 @@ param_groups_are_groups!(
     PlannerSettings,
     StepperDriveParams,
     CameraParams,
+    EkfParams,
     Supervision
 );
 

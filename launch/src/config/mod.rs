@@ -39,6 +39,7 @@ use hilare_planner::{Map, PlannerSettings};
 use hilare_plant::camera::CameraParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_pose_estimator::EstimatorKind;
+use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
 use hilare_waypoint_selector::Tracking;
@@ -80,6 +81,8 @@ pub struct System {
     pub controller: ControllerConfig,
     /// Where the pose comes from.
     pub estimator: EstimatorKind,
+    /// What the Kalman filter assumes, if it is the estimator.
+    pub ekf: EkfParams,
     /// How goals become paths.
     pub planner: PlannerSettings,
     /// Map to plan on: a built-in name or a file; empty for none.
@@ -114,6 +117,7 @@ impl Default for System {
             acceptance: None,
             controller: ControllerConfig::default(),
             estimator: EstimatorKind::ALL[0],
+            ekf: EkfParams::default(),
             planner: PlannerSettings::default(),
             map: keys::MAP.default.to_owned(),
             plant: PlantParams::default(),

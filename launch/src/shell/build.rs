@@ -28,8 +28,12 @@ pub fn step_generator(system: &System, clock: ClockKind) -> StepGenerator {
 
 /// The pose estimator, at the system's start pose.
 pub fn pose_estimator(system: &System) -> PoseEstimator {
-    let setup =
-        EstimatorSetup { chassis: system.chassis, count_rad: system.count_rad(), start: system.start };
+    let setup = EstimatorSetup {
+        chassis: system.chassis,
+        count_rad: system.count_rad(),
+        start: system.start,
+        ekf: system.ekf,
+    };
     PoseEstimator::new(system.estimator, setup)
 }
 

@@ -1,20 +1,26 @@
 //! The pose estimator: where the robot thinks it is, once a tick.
 //!
 //! * [`dead_reckoning`]: from steps or encoder counts alone, paper 1 eq. (30), (31),
-//! * [`camera_hold`]: the newest pose measured from outside, as it is, as in papers 2 and 3.
+//! * [`camera_hold`]: the newest pose measured from outside, as it is, as in papers 2 and 3,
+//! * [`ekf`]: both fused by an extended Kalman filter, which no paper here has.
 //!
 //! Odometry comes as cumulative counts, so a lost message loses no way; fixes carry the tick of their
 //! picture.
 #![no_std]
 
+extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
 pub mod camera_hold;
 pub mod dead_reckoning;
+pub mod ekf;
 
+use alloc::boxed::Box;
 use camera_hold::CameraHold;
 use dead_reckoning::DeadReckoning;
+use ekf::Ekf;
+use ekf::params::EkfParams;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::geometry::WorldPose;
@@ -36,17 +42,20 @@ pub enum EstimatorKind {
     DeadReckoning,
     /// [`CameraHold`].
     Camera,
+    /// [`Ekf`].
+    Ekf,
 }
 
 impl EstimatorKind {
     /// All of them; the first is the default.
-    pub const ALL: [Self; 2] = [Self::DeadReckoning, Self::Camera];
+    pub const ALL: [Self; 3] = [Self::DeadReckoning, Self::Camera, Self::Ekf];
 
     /// Name in system files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::DeadReckoning => "dead-reckoning",
             Self::Camera => "camera",
+            Self::Ekf => "ekf",
         }
     }
 
@@ -70,6 +79,8 @@ pub struct EstimatorSetup {
     pub count_rad: f64,
     /// Pose the robot is assumed to start at.
     pub start: WorldPose,
+    /// For [`EstimatorKind::Ekf`].
+    pub ekf: EkfParams,
 }
 
 /// The box.
@@ -79,6 +90,8 @@ pub enum PoseEstimator {
     DeadReckoning(DeadReckoning),
     /// From fixes alone.
     Camera(CameraHold),
+    /// From both.
+    Ekf(Box<Ekf>),
 }
 
 impl PoseEstimator {
@@ -89,6 +102,7 @@ impl PoseEstimator {
                 Self::DeadReckoning(DeadReckoning::new(setup.chassis, setup.count_rad, setup.start))
             }
             EstimatorKind::Camera => Self::Camera(CameraHold::new(setup.start)),
+            EstimatorKind::Ekf => Self::Ekf(Box::new(Ekf::new(&setup, setup.ekf))),
         }
     }
 }
@@ -102,6 +116,7 @@ impl Block for PoseEstimator {
         let pose = match self {
             Self::DeadReckoning(estimator) => estimator.step(tick, inputs.counts),
             Self::Camera(estimator) => estimator.step(inputs.fixes),
+            Self::Ekf(estimator) => estimator.step(tick, inputs.counts, inputs.fixes),
         };
         Pose::at(tick, pose)
     }
