@@ -51,6 +51,8 @@ pub enum ParamError {
         /// The parameter it was meant for.
         spec: &'static ParamSpec,
     },
+    /// Inside its bounds, but at odds with something else; the text says what it must be.
+    Conflict(&'static str),
 }
 
 impl fmt::Display for ParamError {
@@ -59,6 +61,7 @@ impl fmt::Display for ParamError {
             Self::Unknown => write!(f, "unknown parameter"),
             Self::NotFinite => write!(f, "must be a finite number"),
             Self::NotInteger => write!(f, "must be a whole number"),
+            Self::Conflict(why) => write!(f, "{why}"),
             Self::OutOfBounds { value, spec } => {
                 let unit = if spec.unit.is_empty() { "" } else { " " };
                 let unit = format_args!("{unit}{}", spec.unit);

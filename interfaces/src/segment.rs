@@ -47,9 +47,10 @@ impl Segment {
         Self { from, to, bulge }
     }
 
-    /// True for a straight line.
+    /// True for a straight line. Between two ends that coincide no bulge makes an arc: its radius would
+    /// be 0, its curvature infinite.
     pub fn is_line(self) -> bool {
-        self.bulge == 0.0
+        self.bulge == 0.0 || self.from == self.to
     }
 
     /// Distance between its ends, metres.
@@ -59,11 +60,14 @@ impl Segment {
 
     /// Angle swept, radians, positive to the left; 0 for a line.
     pub fn sweep_rad(self) -> f64 {
-        4.0 * libm::atan(self.bulge)
+        if self.is_line() { 0.0 } else { 4.0 * libm::atan(self.bulge) }
     }
 
     /// Signed curvature 1/R, 1/m, positive to the left; 0 for a line.
     pub fn curvature_per_m(self) -> f64 {
+        if self.is_line() {
+            return 0.0;
+        }
         4.0 * self.bulge / (self.chord_m() * (1.0 + self.bulge * self.bulge))
     }
 

@@ -11,6 +11,8 @@ use hilare_interfaces::params::{ParamGroup, ParamSpec};
 use hilare_interfaces::wires::Role;
 use hilare_planner::{MAX_COORDINATE_M, PlannerSettings};
 use hilare_plant::camera::CameraParams;
+use hilare_plant::dc_servo::DcServoParams;
+use hilare_plant::mecanum::MecanumPlantParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_pose_estimator::EstimatorKind;
 use hilare_pose_estimator::ekf::params::EkfParams;
@@ -196,6 +198,8 @@ pub(super) enum Section {
     Estimator,
     Planner,
     StepperDrive,
+    DcServo,
+    MecanumServo,
     Camera,
     Start,
     Supervision,
@@ -209,7 +213,7 @@ impl Section {
         let head = [Top, Differential, Mecanum, Stepper, Servo, Limits, Timing, Tracking, Controller];
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
-            .chain([Estimator, Planner, StepperDrive, Camera, Start, Supervision])
+            .chain([Estimator, Planner, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -244,7 +248,7 @@ impl Section {
             Self::Law(index) => format!("controller.{}", LAWS[index].name),
             Self::Estimator => "estimator".to_owned(),
             Self::Planner => "planner".to_owned(),
-            Self::StepperDrive => "plant".to_owned(),
+            Self::StepperDrive | Self::DcServo | Self::MecanumServo => "plant".to_owned(),
             Self::Camera => "camera".to_owned(),
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
@@ -261,6 +265,8 @@ impl Section {
             Self::Stepper => &[Motors("stepper")],
             Self::Servo => &[Motors("servo")],
             Self::StepperDrive => &[Chassis("differential"), Motors("stepper")],
+            Self::DcServo => &[Chassis("differential"), Motors("servo")],
+            Self::MecanumServo => &[Chassis("mecanum")],
             _ => &[],
         }
     }
@@ -304,6 +310,8 @@ impl Section {
             Self::Law(index) => LAWS[index].params,
             Self::Planner => PlannerSettings::SPECS,
             Self::StepperDrive => StepperDriveParams::SPECS,
+            Self::DcServo => DcServoParams::SPECS,
+            Self::MecanumServo => MecanumPlantParams::SPECS,
             Self::Camera => CameraParams::SPECS,
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
@@ -330,6 +338,8 @@ impl Section {
             Self::Law(index) => &system.controller.laws[index],
             Self::Planner => &system.planner,
             Self::StepperDrive => &system.plant.stepper_drive,
+            Self::DcServo => &system.plant.dc_servo,
+            Self::MecanumServo => &system.plant.mecanum,
             Self::Camera => &system.camera,
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
@@ -349,6 +359,8 @@ impl Section {
             Self::Law(index) => &mut system.controller.laws[index],
             Self::Planner => &mut system.planner,
             Self::StepperDrive => &mut system.plant.stepper_drive,
+            Self::DcServo => &mut system.plant.dc_servo,
+            Self::MecanumServo => &mut system.plant.mecanum,
             Self::Camera => &mut system.camera,
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
@@ -405,6 +417,8 @@ param_groups_are_groups!(
     Tracking,
     PlannerSettings,
     StepperDriveParams,
+    DcServoParams,
+    MecanumPlantParams,
     CameraParams,
     EkfParams,
     Supervision

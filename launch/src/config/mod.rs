@@ -37,6 +37,8 @@ use hilare_interfaces::param_group;
 use hilare_interfaces::wires::Role;
 use hilare_planner::{Map, PlannerSettings};
 use hilare_plant::camera::CameraParams;
+use hilare_plant::dc_servo::DcServoParams;
+use hilare_plant::mecanum::MecanumPlantParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
 use hilare_pose_estimator::EstimatorKind;
 use hilare_pose_estimator::ekf::params::EkfParams;
@@ -58,7 +60,11 @@ param_group! {
 }
 
 /// Systems that can be named without a file.
-const BUILT_IN: &[(&str, &str)] = &[("epuck", include_str!("../../systems/epuck.toml"))];
+const BUILT_IN: &[(&str, &str)] = &[
+    ("epuck", include_str!("../../systems/epuck.toml")),
+    ("cart", include_str!("../../systems/cart.toml")),
+    ("agv", include_str!("../../systems/agv.toml")),
+];
 
 /// One robot: what it is, how it is driven, how its processes run.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,6 +109,10 @@ pub struct System {
 pub struct PlantParams {
     /// Two wheels on steppers.
     pub stepper_drive: StepperDriveParams,
+    /// A cart with two DC servo wheels and casters.
+    pub dc_servo: DcServoParams,
+    /// Four Mecanum wheels on servos.
+    pub mecanum: MecanumPlantParams,
 }
 
 impl Default for System {

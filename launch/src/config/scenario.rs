@@ -21,6 +21,11 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("trapezoid", include_str!("../../scenarios/trapezoid.toml")),
     ("so", include_str!("../../scenarios/so.toml")),
     ("platform", include_str!("../../scenarios/platform.toml")),
+    ("line-21deg", include_str!("../../scenarios/line-21deg.toml")),
+    ("arc-102cm", include_str!("../../scenarios/arc-102cm.toml")),
+    ("agv-low", include_str!("../../scenarios/agv-low.toml")),
+    ("agv-high", include_str!("../../scenarios/agv-high.toml")),
+    ("agv-course", include_str!("../../scenarios/agv-course.toml")),
 ];
 
 /// Waypoint files the built-in scenarios name.

@@ -7,7 +7,9 @@ use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 use hilare_planner::{Map, Navigator};
 use hilare_plant::camera::Camera;
-use hilare_plant::stepper_drive::{Body, StepperDrive};
+use hilare_plant::dc_servo::{self, DcServo};
+use hilare_plant::mecanum::{self, Mecanum};
+use hilare_plant::stepper_drive::{self, StepperDrive};
 use hilare_plant::{Plant, Robot};
 use hilare_pose_estimator::{EstimatorSetup, PoseEstimator};
 use hilare_step_generator::StepGenerator;
@@ -83,11 +85,29 @@ pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
 pub fn plant(system: &System) -> Result<Plant, String> {
     let robot = match (&system.chassis, &system.motors) {
         (Chassis::Differential(wheels), Motors::Stepper(stepper)) => {
-            let body = Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
+            let body =
+                stepper_drive::Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
             Robot::StepperDrive(StepperDrive::new(body, system.plant.stepper_drive, system.start))
         }
-        (chassis, motors) => {
-            return Err(format!("no simulated robot has {} and {} motors", chassis.name(), motors.name()));
+        (Chassis::Differential(wheels), Motors::Servo(servo)) => {
+            let body = dc_servo::Body {
+                track_m: wheels.track_m,
+                wheel_diameter_m: wheels.wheel_diameter_m,
+                counts_per_turn: servo.counts_per_turn,
+            };
+            Robot::DcServo(DcServo::new(body, system.plant.dc_servo, system.start))
+        }
+        (Chassis::Mecanum(wheels), Motors::Servo(servo)) => {
+            let body = mecanum::Body {
+                half_wheelbase_m: wheels.half_wheelbase_m,
+                half_track_m: wheels.half_track_m,
+                wheel_radius_m: wheels.wheel_radius_m,
+                counts_per_turn: servo.counts_per_turn,
+            };
+            Robot::Mecanum(Mecanum::new(body, system.plant.mecanum, system.start))
+        }
+        (Chassis::Mecanum(_), Motors::Stepper(_)) => {
+            return Err("there is no simulated robot with Mecanum wheels on steppers".to_owned());
         }
     };
     let camera = system.estimator.needs_fixes().then(|| Camera::new(system.camera));

@@ -3,8 +3,13 @@
 //! A law turns a reference and a pose into a body velocity. Adding one is one file here and one line
 //! in [`LAWS`]; its [`LawSpec`] feeds the command line, the system file reader and the tests.
 
+pub mod finite_step;
 pub mod kanayama;
+pub mod navigation_circle;
+pub mod pure_pursuit;
 pub mod qp;
+pub mod stanley;
+mod unicycle;
 
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::{Block, TICK_S, Tick};
@@ -14,7 +19,14 @@ use hilare_interfaces::messages::{Command, Fallback, Pose, Reference, ReferenceS
 use hilare_interfaces::params::{ParamError, ParamSpec};
 
 /// Every law that can be named.
-pub const LAWS: &[LawSpec] = &[kanayama::SPEC, qp::SPEC];
+pub const LAWS: &[LawSpec] = &[
+    kanayama::SPEC,
+    navigation_circle::SPEC,
+    pure_pursuit::SPEC,
+    stanley::SPEC,
+    finite_step::SPEC,
+    qp::SPEC,
+];
 
 /// The law of a name.
 pub fn law(name: &str) -> Option<&'static LawSpec> {

@@ -4,7 +4,7 @@
 
 use hilare_controller::{LAWS, LawInputs, LawSetup, TwistLimits};
 use hilare_interfaces::acceptance::Acceptance;
-use hilare_interfaces::chassis::{Chassis, DifferentialParams};
+use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Reference, ReferenceState, Waypoint};
@@ -36,9 +36,13 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_step_allocates_no_more_than_declared() {
-    let chassis = Chassis::Differential(DifferentialParams::default());
+    no_more_than_declared(&Chassis::Differential(DifferentialParams::default()));
+    no_more_than_declared(&Chassis::Mecanum(MecanumParams::default()));
+}
+
+fn no_more_than_declared(chassis: &Chassis) {
     let setup = LawSetup {
-        chassis: &chassis,
+        chassis,
         limits: TwistLimits { v_min_mps: 0.0, v_max_mps: 0.041, omega_max_radps: 0.747 },
         acceptance_radius_m: 0.027,
         acceptance: Acceptance::Rim,
@@ -55,7 +59,7 @@ fn a_step_allocates_no_more_than_declared() {
         ..Reference::ZERO
     };
     reference.preview[0] = Waypoint::straight(0.1, 0.3);
-    for law in LAWS.iter().filter(|law| law.chassis.contains(&"differential")) {
+    for law in LAWS.iter().filter(|law| law.chassis.contains(&chassis.name())) {
         let mut built = (law.build)(&setup).expect("defaults build");
         let mut acting = BodyTwist::ZERO;
         for step in 0..200 {

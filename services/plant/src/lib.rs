@@ -2,7 +2,8 @@
 //!
 //! The plant is the judge: it computes where the wheels' contact points go and shares no kinematics
 //! with the boxes it judges. What the control path believes (wheel size, no slip, where it started)
-//! is wrong here as far as the parameters say; all of them are 0 by default.
+//! is wrong here as far as the parameters say; all such errors are 0 by default. Mass, motors and
+//! tyres of the servo-driven robots have the values of a believable robot.
 #![no_std]
 
 extern crate alloc;
@@ -10,13 +11,20 @@ extern crate alloc;
 extern crate std;
 
 pub mod camera;
+mod contact;
+pub mod dc_servo;
+pub mod mecanum;
 pub mod noise;
+mod slip;
+pub mod start;
 pub mod stepper_drive;
 
 use camera::Camera;
+use dc_servo::DcServo;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
+use mecanum::Mecanum;
 use stepper_drive::StepperDrive;
 
 /// A simulated robot.
@@ -24,6 +32,10 @@ use stepper_drive::StepperDrive;
 pub enum Robot {
     /// Two wheels on stepper motors.
     StepperDrive(StepperDrive),
+    /// A cart on two DC servos, two casters in front.
+    DcServo(DcServo),
+    /// Four Mecanum wheels on servos.
+    Mecanum(Mecanum),
 }
 
 impl Robot {
@@ -32,6 +44,8 @@ impl Robot {
     fn step(&mut self, steps: &Steps) -> WorldPose {
         match self {
             Self::StepperDrive(robot) => robot.step(steps),
+            Self::DcServo(robot) => robot.step(steps),
+            Self::Mecanum(robot) => robot.step(steps),
         }
     }
 
@@ -39,6 +53,8 @@ impl Robot {
     fn counts(&self) -> [i64; 4] {
         match self {
             Self::StepperDrive(_) => [0; 4],
+            Self::DcServo(robot) => robot.counts(),
+            Self::Mecanum(robot) => robot.counts(),
         }
     }
 }

@@ -12,6 +12,7 @@
 //! own integration error even when nothing slips.
 
 use crate::noise::Noise;
+use crate::start::start_errors;
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Steps;
@@ -71,12 +72,7 @@ impl StepperDrive {
     /// At `start` (the pose the control path assumes) plus the start errors.
     pub fn new(body: Body, params: StepperDriveParams, start: WorldPose) -> Self {
         let mut noise = Noise::new(params.seed);
-        let mut off = |fixed: f64, sd: f64| if sd > 0.0 { fixed + sd * noise.normal() } else { fixed };
-        let pose = WorldPose::new(
-            start.x_m + off(params.start_error_x_m, params.start_sd_m),
-            start.y_m + off(params.start_error_y_m, params.start_sd_m),
-            start.theta_rad + off(params.start_error_theta_rad, params.start_sd_rad),
-        );
+        let pose = start_errors!(params).displaced(start, &mut noise);
         Self {
             params,
             travel_m: [params.wheel_error_right, params.wheel_error_left]

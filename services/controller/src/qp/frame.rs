@@ -3,10 +3,10 @@
 //! ```text
 //!              ● waypoint k+1         R = v_hi/ω_max   tightest bend at full speed (53.5 mm)
 //!             /                       v_hi             v_r inside v_min … v_max
-//!            / line 1
-//!   robot   /                         line l: n_l·p = c_l, tangent t_l, ends in a circle d_T
-//!   ▷─x    ● waypoint k  (circle d_T) about its waypoint; entering it switches to line l+1
-//!     line 0
+//!            / leg 1
+//!   robot   /                         leg: a line n·p = c or an arc, with a circle d_T about the
+//!   ▷─x    ● waypoint k  (circle d_T) waypoint it ends in; there the next one comes into force
+//!     leg 0
 //! ```
 //!
 //! Because every number below is relative to the robot, turning or moving the world changes nothing
@@ -16,8 +16,10 @@ use crate::TwistLimits;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{PREVIEW, Reference, Waypoint};
 
-/// Most lines a reference shows: the current one and one a coming waypoint.
-pub const MAX_LINES: usize = PREVIEW + 1;
+/// Most legs a reference shows: the current one and one a coming waypoint.
+pub const MAX_LEGS: usize = PREVIEW + 1;
+/// Nearer to its centre than this an arc has no direction, turn radii.
+const AT_CENTRE: f64 = 1e-9;
 
 /// A point or direction in the plan's frame, turn radii.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -81,55 +83,120 @@ impl Scale {
     }
 }
 
-/// One line to follow, with the waypoint it leads to.
+/// One line or arc to follow, with the waypoint it leads to.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Line {
-    /// Unit vector to its left, n_l; zero for a line of no length.
-    pub normal: Vector,
-    /// n_l · p on the line, c_l.
-    pub offset: f64,
-    /// Unit vector along it, t_l; that of the line before if it has no length.
+pub struct Leg {
+    /// Unit vector to the left of a line, n; zero for a leg of no length and for an arc.
+    normal: Vector,
+    /// n · p on the line, c.
+    offset: f64,
+    /// Unit vector along it where it ends; that of the leg before if it has no length.
     pub tangent: Vector,
     /// The waypoint at its end.
     pub end: Vector,
+    /// Curvature, positive to the left, in 1/R; 0 for a line.
+    pub curvature: f64,
+    /// Centre, radius and sweep (positive to the left, rad); `None` for a line.
+    arc: Option<Arc>,
 }
 
-impl Line {
-    fn between(from: Vector, to: Vector, before: Vector) -> Self {
+#[derive(Clone, Copy, Debug)]
+struct Arc {
+    centre: Vector,
+    radius: f64,
+    sweep: f64,
+}
+
+impl Leg {
+    fn between(from: Vector, to: Vector, bulge: f64, before: Vector) -> Self {
         let way = to.minus(from);
         let length = way.norm();
         if length <= 1e-9 {
-            return Self { normal: Vector::default(), offset: 0.0, tangent: before, end: to };
+            return Self { tangent: before, end: to, ..Self::default() };
         }
         let tangent = Vector::new(way.x / length, way.y / length);
         let normal = tangent.left();
-        Self { normal, offset: normal.dot(from), tangent, end: to }
+        if bulge != 0.0 {
+            return Self::arc(from, to, bulge, normal);
+        }
+        Self { normal, offset: normal.dot(from), tangent, end: to, ..Self::default() }
     }
 
-    /// Signed distance to the line, positive to its left.
+    /// `left`: unit vector to the left of the chord.
+    fn arc(from: Vector, to: Vector, bulge: f64, left: Vector) -> Self {
+        let chord = to.minus(from).norm();
+        // The centre is (1 − bulge²)/(4 bulge) chords to the left of the chord's middle.
+        let height = chord * (1.0 - bulge * bulge) / (4.0 * bulge);
+        let centre = from.plus(to.minus(from), 0.5).plus(left, height);
+        let curvature = 4.0 * bulge / (chord * (1.0 + bulge * bulge));
+        let arc = Arc { centre, radius: 1.0 / curvature.abs(), sweep: 4.0 * libm::atan(bulge) };
+        let mut leg = Self { end: to, curvature, arc: Some(arc), ..Self::default() };
+        leg.tangent = leg.tangent_at(to);
+        leg
+    }
+
+    /// Signed distance to the line or full circle, positive to its left.
     pub fn cross_track(&self, point: Vector) -> f64 {
-        self.normal.dot(point) - self.offset
+        match self.arc {
+            None => self.normal.dot(point) - self.offset,
+            // Inside a left turn is to its left, inside a right turn to its right.
+            Some(arc) => (arc.radius - point.minus(arc.centre).norm()) * 1.0_f64.copysign(self.curvature),
+        }
+    }
+
+    /// Gradient of [`cross_track`](Self::cross_track): the unit vector to the left of the nearest place.
+    pub fn normal_at(&self, point: Vector) -> Vector {
+        let Some(arc) = self.arc else { return self.normal };
+        let out = point.minus(arc.centre);
+        let distance = out.norm();
+        if distance < AT_CENTRE {
+            return Vector::new(1.0, 0.0);
+        }
+        let size = 1.0_f64.copysign(-self.curvature) / distance;
+        Vector::new(out.x * size, out.y * size)
+    }
+
+    /// Direction of travel at the place nearest to `point`.
+    pub fn tangent_at(&self, point: Vector) -> Vector {
+        if self.arc.is_none() {
+            return self.tangent;
+        }
+        let normal = self.normal_at(point);
+        Vector::new(normal.y, -normal.x)
+    }
+
+    /// How far `point` lies behind the leg's end, along the leg; negative before it.
+    fn beyond_end(&self, point: Vector) -> f64 {
+        let Some(arc) = self.arc else { return point.minus(self.end).dot(self.tangent) };
+        // From the end back to the point, seen from the centre, in the sense of the arc; a place is
+        // behind the end up to half a turn from the arc's middle.
+        let (out, end) = (point.minus(arc.centre), self.end.minus(arc.centre));
+        let side = 1.0_f64.copysign(self.curvature);
+        let turn = libm::atan2(side * end.left().dot(out), end.dot(out));
+        let most = core::f64::consts::PI - 0.5 * arc.sweep.abs();
+        let turn = if turn > most { turn - core::f64::consts::TAU } else { turn };
+        arc.radius * turn
     }
 }
 
-/// The lines ahead.
+/// The legs ahead.
 #[derive(Clone, Debug)]
 pub struct Track {
-    lines: [Line; MAX_LINES],
+    legs: [Leg; MAX_LEGS],
     len: usize,
     /// d_T less a margin for what the plan does not see (steps, slip), turn radii.
     pub acceptance: f64,
-    /// The selector accepts where the next line is as near as the current one, not on the rim.
+    /// The selector accepts where the next leg is as near as the current one, not on the rim.
     pub at_bisector: bool,
 }
 
 impl Track {
     /// Room for the longest reference.
     pub fn new(at_bisector: bool) -> Self {
-        Self { lines: [Line::default(); MAX_LINES], len: 1, acceptance: 0.5, at_bisector }
+        Self { legs: [Leg::default(); MAX_LEGS], len: 1, acceptance: 0.5, at_bisector }
     }
 
-    /// The lines of `reference` seen from `pose`.
+    /// The legs of `reference` seen from `pose`.
     pub fn look(&mut self, reference: &Reference, pose: WorldPose, scale: &Scale, acceptance_m: f64) {
         let (sin, cos) = libm::sincos(pose.theta_rad);
         let local = |waypoint: Waypoint| {
@@ -137,32 +204,31 @@ impl Track {
             Vector::new((cos * dx + sin * dy) / scale.radius_m, (cos * dy - sin * dx) / scale.radius_m)
         };
         self.acceptance = acceptance_m / scale.radius_m;
-        let coming = (reference.preview_len as usize).min(PREVIEW);
         let mut from = local(reference.last);
         let mut before = Vector::new(1.0, 0.0);
         self.len = 0;
-        for waypoint in core::iter::once(&reference.current).chain(&reference.preview[..coming]) {
+        for waypoint in reference.ahead() {
             let to = local(*waypoint);
-            let line = Line::between(from, to, before);
-            (from, before) = (to, line.tangent);
-            self.lines[self.len] = line;
+            let leg = Leg::between(from, to, waypoint.bulge, before);
+            (from, before) = (to, leg.tangent);
+            self.legs[self.len] = leg;
             self.len += 1;
         }
         self.turn_back_if_missed();
     }
 
-    /// A waypoint that lies behind outside its circle is never accepted by going on: then the line
-    /// to follow is the one from here to it.
+    /// A waypoint that lies behind outside its circle is never accepted by going on: then the leg to
+    /// follow is the line from here to it.
     fn turn_back_if_missed(&mut self) {
-        let first = &mut self.lines[0];
+        let first = &mut self.legs[0];
         let robot = Vector::default();
-        if robot.minus(first.end).dot(first.tangent) > self.acceptance {
-            *first = Line::between(robot, first.end, first.tangent);
+        if first.beyond_end(robot) > self.acceptance {
+            *first = Leg::between(robot, first.end, 0.0, first.tangent);
         }
     }
 
-    /// The lines, the one in force first.
-    pub fn lines(&self) -> &[Line] {
-        &self.lines[..self.len]
+    /// The legs, the one in force first.
+    pub fn legs(&self) -> &[Leg] {
+        &self.legs[..self.len]
     }
 }

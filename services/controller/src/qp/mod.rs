@@ -1,17 +1,17 @@
 //! The QP-constrained predictive law (spec 4): one convex QP a control period, solved by clarabel.
 //!
 //! ```text
-//!   pose k ──▶ pose k+T ──▶ lines ahead ──▶ plan of last time, moved on ──▶ convex model ──▶ QP ──▶ u_0
+//!   pose k ──▶ pose k+T ──▶ legs ahead ──▶ plan of last time, moved on ──▶ convex model ──▶ QP ──▶ u_0
 //!     (what acts now)     [`frame`]          [`rollout`]                   [`model`]      [`solver`]
 //! ```
 //!
 //! The command computed from the pose of tick k acts from tick k + T on, so the plan starts at the
 //! pose that what acts now leads to. It looks ahead a fixed *travel*, over as many waypoints as fit;
-//! in it the line to track switches where the selector would switch it. One Gauss–Newton step a
+//! in it the line or arc to track switches where the selector would switch it. One Gauss–Newton step a
 //! period is taken about the plan of the period before (real-time iteration), and only as far as the
 //! true cost falls. The hard limits are rows of the QP; everything else is a price, so it is always
-//! feasible. If the solver reaches its iteration cap, the best plan at hand is used and the output
-//! says so ([`Fallback`]).
+//! feasible. If the solver stops at its iteration cap or fails, the best plan at hand is used, its first
+//! input inside the limits, and the output says which ([`Fallback`]).
 //!
 //! How near to the best it comes: ∫|e| ds over one corner at full speed (R = 53.5 mm, d_T = 27 mm),
 //! optimised offline (multiple shooting, IPOPT, a phase before the switch and one behind), in mm²:
@@ -198,9 +198,9 @@ impl Qp {
         steered_cost
     }
 
-    /// One Gauss–Newton step, as far as the true cost falls; true if the solver did its part.
-    fn improve(&mut self, weights: &Weights, bounds: &Bounds, cost: f64) -> bool {
-        let Some(solver) = &mut self.solver else { return false };
+    /// One Gauss–Newton step, as far as the true cost falls.
+    fn improve(&mut self, weights: &Weights, bounds: &Bounds, cost: f64) -> Fallback {
+        let Some(solver) = &mut self.solver else { return Fallback::Unsolved };
         let grid = &self.grid;
         self.model.build(&self.plan, &self.rollout, grid, &self.track, weights);
         let mut best = self.plan;
@@ -214,7 +214,7 @@ impl Qp {
                 break;
             }
         }
-        outcome.solved
+        outcome.fallback
     }
 
     /// The first input, inside its bounds whatever the plan says. Where the diamond cuts a corner off
@@ -251,11 +251,8 @@ impl ControlLaw for Qp {
         self.track.look(inputs.reference, start, &scale, self.acceptance_m);
         let bounds = self.bounds(&scale, inputs.acting);
         let cost = self.choose_start(&weights, travelled);
-        let solved = self.improve(&weights, &bounds, cost);
-        LawOutput {
-            twist: self.first_input(&scale, &bounds),
-            fallback: if solved { Fallback::None } else { Fallback::IterationCap },
-        }
+        let fallback = self.improve(&weights, &bounds, cost);
+        LawOutput { twist: self.first_input(&scale, &bounds), fallback }
     }
 
     fn reset(&mut self) {

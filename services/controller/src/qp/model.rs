@@ -10,7 +10,7 @@
 //!
 //! * A piece costs z|e|: the quadratic ½ w e², w = z/√(e² + δ²), touches it from above, so a step
 //!   that lowers the model lowers the cost (as far as e is linear in k).
-//! * A switch at s* costs ∂J/∂s* = z (|e_before| − |e_after|): worth moving if the lines are
+//! * A switch at s* costs ∂J/∂s* = z (|e_before| − |e_after|): worth moving if the legs are
 //!   unequally far. It moves with the point: δs* = ρ̂·δp / |ρ̂·t|, ρ̂ pointing out of the circle, t
 //!   along the motion. Without this term the plan would not know that it may choose where to enter.
 //! * Slowness is priced linearly, exactly as it costs.
@@ -71,9 +71,10 @@ impl Model {
 
     fn add_pieces(&mut self, plan: &Plan, swing: &Swing<'_>, track: &Track, weights: &Weights) {
         for piece in swing.rollout.pieces() {
-            let line = &track.lines()[piece.line];
-            let off = line.cross_track(swing.rollout.point(piece.stage, piece.at));
-            let row = swing.of_point(piece.stage, piece.at, line.normal);
+            let leg = &track.legs()[piece.leg];
+            let middle = swing.rollout.middle(piece, plan, swing.grid, leg);
+            let off = leg.cross_track(middle);
+            let row = swing.of_point(piece.stage, piece.at, leg.normal_at(middle));
             let weight = piece.travel * plan.slowness[piece.stage] * weights.majorant(off);
             self.add(&row, piece.stage + 1, weight, off);
             self.slowness_gradient[piece.stage] += piece.travel * weights.size(off);
@@ -83,9 +84,9 @@ impl Model {
     fn add_switches(&mut self, plan: &Plan, swing: &Swing<'_>, track: &Track, weights: &Weights) {
         let rollout = swing.rollout;
         for switch in rollout.switches() {
-            let lines = track.lines();
+            let legs = track.legs();
             let point = rollout.point(switch.stage, switch.at);
-            let away = point.minus(lines[switch.before].end);
+            let away = point.minus(legs[switch.before].end);
             let way = rollout.position[switch.stage + 1].minus(rollout.position[switch.stage]);
             let (radius, length) = (away.norm(), way.norm());
             if radius < 1e-9 || length < 1e-9 {
@@ -99,8 +100,8 @@ impl Model {
                 continue;
             }
             let entry = (-outward.dot(way) / length).max(GLANCING);
-            let gain = weights.size(lines[switch.before].cross_track(point))
-                - weights.size(lines[switch.after].cross_track(point));
+            let gain = weights.size(legs[switch.before].cross_track(point))
+                - weights.size(legs[switch.after].cross_track(point));
             let price = plan.slowness[switch.stage] * gain / entry;
             for (slope, gain) in self.gradient.iter_mut().zip(&row) {
                 *slope += price * gain;
@@ -110,15 +111,17 @@ impl Model {
 
     /// The end of the horizon stands for all that comes after.
     fn add_end(&mut self, swing: &Swing<'_>, track: &Track, weights: &Weights) {
-        let line = &track.lines()[swing.rollout.last_line];
-        let (sin, cos) = libm::sincos(swing.rollout.heading[STAGES]);
+        let rollout = swing.rollout;
+        let leg = &track.legs()[rollout.last_leg];
+        let (sin, cos) = libm::sincos(rollout.heading[STAGES]);
         let heading = Vector::new(cos, sin);
-        let ahead = swing.rollout.position[STAGES].plus(heading, weights.ahead);
-        let off = line.cross_track(ahead);
-        let row = swing.of_end(ahead, line.normal);
+        let ahead = rollout.ahead(weights.ahead, leg);
+        let off = leg.cross_track(ahead);
+        let row = swing.of_end(ahead, leg.normal_at(ahead));
         self.add(&row, STAGES, weights.end_off * weights.majorant(off), off);
         // 1 − cos ψ = ½ (2 sin ψ/2)²: gradient sin ψ, Gauss–Newton Hessian cos² ψ/2.
-        let (along, across) = (line.tangent.dot(heading), line.tangent.left().dot(heading));
+        let tangent = leg.tangent_at(rollout.position[STAGES]);
+        let (along, across) = (tangent.dot(heading), tangent.left().dot(heading));
         let curved = (0.5 * (1.0 + along)).max(0.1);
         self.add(&swing.grid.travel, STAGES, weights.end_heading * curved, across / curved);
     }

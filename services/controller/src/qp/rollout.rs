@@ -13,16 +13,17 @@
 //! slowing at a constant price. Going slower hides nothing from a horizon counted in travel, so it
 //! never pays to dawdle before a corner.
 //!
-//! The line to measure against switches where the plan enters the acceptance circle; a stage in which
-//! that happens is cut there. Each piece is measured at its middle.
+//! The leg to measure against switches where the selector would switch it; a stage in which that
+//! happens is cut there. Each piece is measured at its middle: that of the chord against a line, that
+//! of the bend itself against an arc, which a chord would leave by the height of the bend.
 
-use super::frame::{MAX_LINES, Track, Vector};
+use super::frame::{Leg, MAX_LEGS, Track, Vector};
 use super::weights::Weights;
 
 /// Stages of a plan.
 pub const STAGES: usize = 28;
 /// Most pieces: every stage whole, and one more a switch.
-pub const MAX_PIECES: usize = STAGES + MAX_LINES;
+pub const MAX_PIECES: usize = STAGES + MAX_LEGS;
 
 /// Travel of each stage, turn radii: short ones first, the last three times as long.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +84,7 @@ impl Plan {
     }
 }
 
-/// A part of a stage on one line.
+/// A part of a stage on one leg.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Piece {
     /// Its stage.
@@ -92,8 +93,8 @@ pub struct Piece {
     pub at: f64,
     /// Its travel, turn radii.
     pub travel: f64,
-    /// Its line.
-    pub line: usize,
+    /// Its leg.
+    pub leg: usize,
 }
 
 /// Where the plan enters a circle.
@@ -103,9 +104,9 @@ pub struct Switch {
     pub stage: usize,
     /// The point, as a share of the stage.
     pub at: f64,
-    /// Line before; its waypoint is the circle's centre.
+    /// Leg before; its waypoint is the circle's centre.
     pub before: usize,
-    /// Line after.
+    /// Leg after.
     pub after: usize,
     /// How far outside the circle the plan passes; 0 if it enters.
     pub excess: f64,
@@ -120,10 +121,10 @@ pub struct Rollout {
     pub heading: [f64; STAGES + 1],
     pieces: [Piece; MAX_PIECES],
     pieces_len: usize,
-    switches: [Switch; MAX_LINES],
+    switches: [Switch; MAX_LEGS],
     switches_len: usize,
-    /// Line at the end.
-    pub last_line: usize,
+    /// Leg at the end.
+    pub last_leg: usize,
     /// The stage before ended on the way towards the waypoint ahead.
     approaching: bool,
 }
@@ -136,9 +137,9 @@ impl Rollout {
             heading: [0.0; STAGES + 1],
             pieces: [Piece::default(); MAX_PIECES],
             pieces_len: 0,
-            switches: [Switch::default(); MAX_LINES],
+            switches: [Switch::default(); MAX_LEGS],
             switches_len: 0,
-            last_line: 0,
+            last_leg: 0,
             approaching: false,
         }
     }
@@ -159,12 +160,31 @@ impl Rollout {
         a.plus(b.minus(a), at)
     }
 
+    /// The middle of a piece, as its leg is measured.
+    pub fn middle(&self, piece: &Piece, plan: &Plan, grid: &Grid, leg: &Leg) -> Vector {
+        let on_chord = self.point(piece.stage, piece.at);
+        if leg.curvature == 0.0 {
+            return on_chord;
+        }
+        let chord = self.position[piece.stage + 1].minus(self.position[piece.stage]);
+        let turn = plan.curvature[piece.stage] * grid.travel[piece.stage];
+        on_chord.plus(chord.left(), -0.5 * turn * piece.at * (1.0 - piece.at))
+    }
+
+    /// The point one looks at from the horizon's end: ahead by `travel` along the bend of its leg, at
+    /// the tightest that of full speed.
+    pub fn ahead(&self, travel: f64, leg: &Leg) -> Vector {
+        let half = 0.5 * travel * leg.curvature.clamp(-1.0, 1.0);
+        let (sin, cos) = libm::sincos(self.heading[STAGES] + half);
+        self.position[STAGES].plus(Vector::new(cos, sin), travel * (1.0 - half * half / 6.0))
+    }
+
     fn start(&mut self) {
         self.position[0] = Vector::default();
         self.heading[0] = 0.0;
         self.pieces_len = 0;
         self.switches_len = 0;
-        self.last_line = 0;
+        self.last_leg = 0;
         self.approaching = false;
     }
 
@@ -186,19 +206,20 @@ impl Rollout {
         }
     }
 
-    /// Steers towards the lines as a helmsman would, without foresight: a first guess that always
+    /// Steers towards the legs as a helmsman would, without foresight: a first guess that always
     /// turns round and always comes back. Writes the plan it drove.
     pub fn steer(&mut self, plan: &mut Plan, grid: &Grid, track: &Track) {
         self.start();
         for stage in 0..STAGES {
-            let line = &track.lines()[self.last_line];
-            let off = line.cross_track(self.position[stage]);
-            // Aim at the point of the line one radius ahead.
-            let aim = line.tangent.plus(line.normal, -off);
+            let leg = &track.legs()[self.last_leg];
+            let here = self.position[stage];
+            let off = leg.cross_track(here);
+            // Aim at the point of the tangent one radius ahead.
+            let aim = leg.tangent_at(here).plus(leg.normal_at(here), -off);
             let (sin, cos) = libm::sincos(self.heading[stage]);
             let heading = Vector::new(cos, sin);
             let error = libm::atan2(heading.left().dot(aim), heading.dot(aim));
-            plan.curvature[stage] = (2.0 * error).clamp(-1.0, 1.0);
+            plan.curvature[stage] = (2.0 * error + leg.curvature).clamp(-1.0, 1.0);
             plan.slowness[stage] = 1.0;
             self.move_stage(stage, grid.travel[stage], plan.curvature[stage]);
             self.cut_stage(stage, grid.travel[stage], track);
@@ -207,25 +228,25 @@ impl Rollout {
 
     /// Cuts a stage where it enters circles, as the selector would switch.
     fn cut_stage(&mut self, stage: usize, ds: f64, track: &Track) {
-        let lines = track.lines();
+        let legs = track.legs();
         let mut from = 0.0;
-        while self.last_line + 1 < lines.len() {
+        while self.last_leg + 1 < legs.len() {
             let entered = self.accepts(stage, from, track).map(|at| (at, 0.0));
             let Some((at, excess)) = entered.or_else(|| self.passes(stage, from, track)) else { break };
             if at > from {
                 self.push_piece(stage, from, at, ds);
             }
-            let after = self.last_line + 1;
+            let after = self.last_leg + 1;
             match self.switches[..self.switches_len].last_mut() {
-                // Inside the next circle already: one switch over two lines.
+                // Inside the next circle already: one switch over two legs.
                 Some(switch) if switch.stage == stage && switch.at == at => switch.after = after,
                 _ => {
-                    let before = self.last_line;
+                    let before = self.last_leg;
                     self.switches[self.switches_len] = Switch { stage, at, before, after, excess };
                     self.switches_len += 1;
                 }
             }
-            self.last_line = after;
+            self.last_leg = after;
             self.approaching = false;
             from = at;
         }
@@ -233,21 +254,21 @@ impl Rollout {
     }
 
     fn push_piece(&mut self, stage: usize, from: f64, to: f64, ds: f64) {
-        let piece = Piece { stage, at: 0.5 * (from + to), travel: (to - from) * ds, line: self.last_line };
+        let piece = Piece { stage, at: 0.5 * (from + to), travel: (to - from) * ds, leg: self.last_leg };
         self.pieces[self.pieces_len] = piece;
         self.pieces_len += 1;
     }
 
     /// First share from `from` on at which the selector accepts the waypoint ahead.
     fn accepts(&self, stage: usize, from: f64, track: &Track) -> Option<f64> {
-        let (line, next) = (&track.lines()[self.last_line], &track.lines()[self.last_line + 1]);
-        let (enter, leave) = self.inside(stage, from, line.end, track.acceptance)?;
+        let (leg, next) = (&track.legs()[self.last_leg], &track.legs()[self.last_leg + 1]);
+        let (enter, leave) = self.inside(stage, from, leg.end, track.acceptance)?;
         if !track.at_bisector {
             return Some(enter);
         }
-        // Both distances are linear in the share f: the first f with |e_next| ≤ |e|.
+        // Both distances are (on an arc nearly) linear in the share f: the first f with |e_next| ≤ |e|.
         let (a, b) = (self.position[stage], self.position[stage + 1]);
-        let (e0, e1) = (line.cross_track(a), line.cross_track(b));
+        let (e0, e1) = (leg.cross_track(a), leg.cross_track(b));
         let (n0, n1) = (next.cross_track(a), next.cross_track(b));
         let nearer = |f: f64| (n0 + f * (n1 - n0)).abs() <= (e0 + f * (e1 - e0)).abs();
         if nearer(enter) {
@@ -284,7 +305,7 @@ impl Rollout {
     /// stage and how far outside. Counting it as accepted, at a price, keeps the cost continuous where
     /// the best plan grazes the circle.
     fn passes(&mut self, stage: usize, from: f64, track: &Track) -> Option<(f64, f64)> {
-        let centre = track.lines()[self.last_line].end;
+        let centre = track.legs()[self.last_leg].end;
         let start = self.position[stage].minus(centre);
         let way = self.position[stage + 1].minus(self.position[stage]);
         let closest = -start.dot(way) / way.dot(way).max(f64::MIN_POSITIVE);
@@ -300,21 +321,22 @@ impl Rollout {
 
     /// What the plan costs (module's equation, smoothed near zero, with the terminal terms).
     pub fn cost(&self, plan: &Plan, grid: &Grid, track: &Track, weights: &Weights) -> f64 {
-        let lines = track.lines();
+        let legs = track.legs();
         let mut cost = 0.0;
         for piece in self.pieces() {
-            let off = lines[piece.line].cross_track(self.point(piece.stage, piece.at));
+            let leg = &legs[piece.leg];
+            let off = leg.cross_track(self.middle(piece, plan, grid, leg));
             cost += piece.travel * plan.slowness[piece.stage] * weights.size(off);
         }
         for j in 0..STAGES {
             cost += weights.slow * grid.travel[j] * (plan.slowness[j] - 1.0);
         }
-        let line = &lines[self.last_line];
+        let leg = &legs[self.last_leg];
         let (sin, cos) = libm::sincos(self.heading[STAGES]);
-        let heading = Vector::new(cos, sin);
-        let ahead = line.cross_track(self.position[STAGES].plus(heading, weights.ahead));
+        let ahead = leg.cross_track(self.ahead(weights.ahead, leg));
         cost += weights.end_off * weights.size(ahead);
-        cost += weights.end_heading * (1.0 - line.tangent.dot(heading));
+        let tangent = leg.tangent_at(self.position[STAGES]);
+        cost += weights.end_heading * (1.0 - tangent.dot(Vector::new(cos, sin)));
         cost += weights.miss * self.switches().iter().map(|switch| switch.excess).sum::<f64>();
         cost + weights.effort(plan, grid)
     }

@@ -18,6 +18,7 @@ use super::model::{Model, TRIANGLE, entry};
 use super::rollout::{Plan, STAGES};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
+use hilare_interfaces::messages::Fallback;
 
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
 const TOLERANCE: f64 = 1e-9;
@@ -57,8 +58,8 @@ impl Bounds {
 /// How a solve went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// The optimum was reached within the iteration cap.
-    pub solved: bool,
+    /// What the answer lacks: nothing, or the optimum it stopped short of, or any answer at all.
+    pub fallback: Fallback,
     /// Interior-point iterations.
     pub iterations: u32,
 }
@@ -116,7 +117,8 @@ impl Solver {
         Some(Self { inner, rows, hessian: start, gradient, matrix: matrix.nzval, bound })
     }
 
-    /// Solves; the plan is left as it was unless finite numbers came back.
+    /// Solves; the plan is left as it was unless the solver converged or ran into its iteration cap,
+    /// and finite numbers came back.
     pub fn solve(&mut self, model: &Model, bounds: &Bounds, plan: &mut Plan) -> Outcome {
         self.write(model, bounds);
         let updated = self.inner.update_P(&self.hessian).is_ok()
@@ -124,20 +126,16 @@ impl Solver {
             && self.inner.update_A(&self.matrix).is_ok()
             && self.inner.update_b(&self.bound).is_ok();
         if !updated {
-            return Outcome { solved: false, iterations: 0 };
+            return Outcome { fallback: Fallback::Unsolved, iterations: 0 };
         }
         self.inner.solve();
         let solution = &self.inner.solution;
-        let usable = matches!(
-            solution.status,
-            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::MaxIterations
-        ) && solution.x.iter().all(|value| value.is_finite());
-        if usable {
+        let fallback = meaning(solution.status, &solution.x);
+        if fallback != Fallback::Unsolved {
             plan.curvature.copy_from_slice(&solution.x[..STAGES]);
             plan.slowness.copy_from_slice(&solution.x[STAGES..]);
         }
-        let solved = matches!(solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved);
-        Outcome { solved: solved && usable, iterations: solution.iterations }
+        Outcome { fallback, iterations: solution.iterations }
     }
 
     fn write(&mut self, model: &Model, bounds: &Bounds) {
@@ -165,6 +163,17 @@ impl Solver {
             }
         }
     }
+}
+
+/// What a solution lacks by its status. The problems are always feasible and their prices bounded below,
+/// so a claim to the contrary is numerical trouble like any other.
+pub fn meaning(status: SolverStatus, solution: &[f64]) -> Fallback {
+    let fallback = match status {
+        SolverStatus::Solved | SolverStatus::AlmostSolved => Fallback::None,
+        SolverStatus::MaxIterations => Fallback::IterationCap,
+        _ => Fallback::Unsolved,
+    };
+    if solution.iter().all(|value| value.is_finite()) { fallback } else { Fallback::Unsolved }
 }
 
 /// Ones on the diagonal of the full pattern: values for the set-up.

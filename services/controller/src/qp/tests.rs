@@ -104,8 +104,9 @@ fn the_first_input_is_that_of_a_reference_solution() {
             law.rollout.follow(&law.plan, &law.grid, &law.track);
             law.model.build(&law.plan, &law.rollout, &law.grid, &law.track, &weights);
             let (mut ours, mut exact) = (law.plan, law.plan);
-            assert!(law.solver.as_mut().expect("a solver").solve(&law.model, &bounds, &mut ours).solved);
-            assert!(reference.solve(&law.model, &bounds, &mut exact).solved);
+            let outcome = law.solver.as_mut().expect("a solver").solve(&law.model, &bounds, &mut ours);
+            assert_eq!(outcome.fallback, Fallback::None);
+            assert_eq!(reference.solve(&law.model, &bounds, &mut exact).fallback, Fallback::None);
             let input = |plan: &Plan| (1.0 / plan.slowness[0], plan.curvature[0] / plan.slowness[0]);
             let ((v, w), (v_exact, w_exact)) = (input(&ours), input(&exact));
             // As shares of the ranges 0 … v_hi and −ω_max … ω_max.
@@ -129,6 +130,32 @@ fn at_the_iteration_cap_it_is_degraded_and_still_inside_its_limits() {
     }
     // The helmsman that is left still gets there.
     assert!(pose.y_m.abs() < 0.01, "{pose:?}");
+}
+
+#[test]
+fn health_says_what_the_solver_met() {
+    use clarabel::solver::SolverStatus;
+    let (some, none) = ([1.0, -2.0], [1.0, f64::NAN]);
+    assert_eq!(solver::meaning(SolverStatus::Solved, &some), Fallback::None);
+    assert_eq!(solver::meaning(SolverStatus::MaxIterations, &some), Fallback::IterationCap);
+    for status in
+        [SolverStatus::NumericalError, SolverStatus::PrimalInfeasible, SolverStatus::InsufficientProgress]
+    {
+        assert_eq!(solver::meaning(status, &some), Fallback::Unsolved);
+    }
+    assert_eq!(solver::meaning(SolverStatus::Solved, &none), Fallback::Unsolved);
+    // No answer at all: the helmsman's plan, inside the limits, and still under way.
+    let mut law = qp(LIMITS, false, QpParams::default());
+    law.solver = None;
+    let corner = path(&[(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]);
+    let inputs = LawInputs {
+        pose: WorldPose::new(0.0, 0.01, 0.3),
+        reference: &corner,
+        acting: BodyTwist::new(0.04, 0.0, 0.0),
+    };
+    let output = law.step(inputs);
+    assert_eq!(output.fallback, Fallback::Unsolved);
+    assert!(output.twist.vx_mps > 0.03 && output.twist.omega_radps < 0.0);
 }
 
 #[test]
@@ -157,6 +184,35 @@ fn standing_orders_are_answered() {
     });
     assert_eq!((output.twist, output.fallback), (BodyTwist::ZERO, Fallback::NoMotion));
     assert!(law("qp").is_some());
+}
+
+proptest! {
+    #[test]
+    fn legs_measure_as_segments_do(
+        px in -0.3..0.3f64, py in -0.3..0.3f64, x in -0.4..0.4f64, y in -0.4..0.4f64,
+        bulge in -2.0..2.0f64, line: bool, theta in -3.0..3.0f64,
+    ) {
+        prop_assume!(libm::hypot(x, y) > 0.02 && bulge.abs() > 0.01);
+        let mut reference = path(&[(0.0, 0.0), (x, y)]);
+        reference.current.bulge = if line { 0.0 } else { bulge };
+        // The robot is put at the place to be measured, so the point is the origin of the plan.
+        let pose = WorldPose::new(px, py, theta);
+        let segment = reference.segment();
+        let station = segment.nearest(pose.position());
+        prop_assume!((station.along - 1.0) * segment.length_m() < 0.02);
+        prop_assume!(segment.centre().is_none_or(|centre| centre.distance_m(pose.position()) > 1e-3));
+        let scale = Scale::new(0.04, &LIMITS).expect("it can move");
+        let mut track = Track::new(true);
+        track.look(&reference, pose, &scale, 0.027);
+        let leg = &track.legs()[0];
+        let here = frame::Vector::default();
+        prop_assert!((leg.cross_track(here) * scale.radius_m - station.cross_track_m).abs() < 1e-9);
+        let tangent = leg.tangent_at(here);
+        let heading = libm::atan2(tangent.y, tangent.x) + theta - station.heading_rad;
+        prop_assert!(hilare_interfaces::geometry::wrap_angle_rad(heading).abs() < 1e-9);
+        prop_assert!((leg.normal_at(here).dot(tangent)).abs() < 1e-12);
+        prop_assert!((leg.curvature / scale.radius_m - segment.curvature_per_m()).abs() < 1e-9 || line);
+    }
 }
 
 proptest! {

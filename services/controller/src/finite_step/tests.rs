@@ -1,0 +1,369 @@
+//! The law in closed loop on an ideal Mecanum robot, and on one with a camera and servos.
+
+use super::predict::moved;
+use super::*;
+use crate::TwistLimits;
+use hilare_interfaces::chassis::{Chassis, MecanumParams};
+use hilare_interfaces::geometry::{WorldPoint, WorldPose, wrap_angle_rad};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{Reference, ReferenceState, Waypoint};
+use hilare_interfaces::segment::Segment;
+use proptest::prelude::*;
+
+const PERIOD_TICKS: u64 = 5;
+const LIMITS: TwistLimits = TwistLimits { v_min_mps: 0.0, v_max_mps: 0.8, omega_max_radps: 0.747 };
+
+fn try_law(period_ticks: u64, values: &[(&'static str, f64)]) -> Built {
+    let setup = LawSetup {
+        chassis: &Chassis::Mecanum(MecanumParams::default()),
+        limits: LIMITS,
+        acceptance_radius_m: 0.05,
+        acceptance: Acceptance::Passed,
+        period_ticks,
+        values,
+    };
+    build(&setup)
+}
+
+/// The robot and its senses.
+#[derive(Clone, Copy)]
+struct Lags {
+    period_ticks: u64,
+    /// Pictures, and how late they come; none: the pose is exact.
+    picture_ticks: u64,
+    delay_ticks: u64,
+    /// Time constant of the drives.
+    servo_s: f64,
+    /// Peak of a disturbance of each picture, m and rad.
+    noise: (f64, f64),
+}
+
+const IDEAL: Lags =
+    Lags { period_ticks: PERIOD_TICKS, picture_ticks: 1, delay_ticks: 0, servo_s: 0.0, noise: (0.0, 0.0) };
+
+/// e_d, e_θ of each tick, and the commands.
+struct Run {
+    deviations: Vec<Deviation>,
+    commands: Vec<LawOutput>,
+}
+
+impl Run {
+    /// From when on |e_d| ≤ 2 mm and |e_θ| ≤ 2° for good, s.
+    fn corrected_s(&self) -> f64 {
+        let bad = |d: &Deviation| d.distance_m.abs() > 0.002 || d.heading_rad.abs() > 2_f64.to_radians();
+        self.deviations.iter().rposition(bad).map_or(0.0, |tick| (tick + 1) as f64 * TICK_S)
+    }
+
+    /// Greatest |e_d| in mm and |e_θ| in degrees from a time on.
+    fn greatest(&self, from_s: f64) -> (f64, f64) {
+        let from = libm::round(from_s / TICK_S) as usize;
+        self.deviations[from..].iter().fold((0.0, 0.0), |(d, h): (f64, f64), e| {
+            (d.max(e.distance_m.abs() * 1e3), h.max(e.heading_rad.abs().to_degrees()))
+        })
+    }
+
+    fn at(&self, time_s: f64) -> (f64, f64) {
+        let e = self.deviations[libm::round(time_s / TICK_S) as usize];
+        (e.distance_m * 1e3, e.heading_rad.to_degrees())
+    }
+}
+
+/// −1 … 1, the same every time.
+fn spread(n: u64, salt: u64) -> f64 {
+    let mut x = (n * 2 + salt).wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((x >> 11) as f64) / ((1_u64 << 52) as f64) - 1.0
+}
+
+fn reference(segments: &[Segment], index: usize, speed_mps: f64) -> Reference {
+    let waypoint = |n: usize| Waypoint { bulge: segments[n].bulge, ..Waypoint::from(segments[n].to) };
+    let mut reference = Reference {
+        state: ReferenceState::Tracking.code(),
+        path_id: 1,
+        index: index as u64 + 1,
+        total: segments.len() as u64 + 1,
+        speed_mps,
+        last: Waypoint::from(segments[index].from),
+        current: waypoint(index),
+        ..Reference::ZERO
+    };
+    for (n, next) in (index + 1..segments.len()).zip(reference.preview.iter_mut()) {
+        *next = waypoint(n);
+        reference.preview_len += 1;
+    }
+    reference
+}
+
+/// Drives along `segments` for `time_s`, from `start` relative to the first one's start. The robot has come
+/// there straight on at full speed.
+fn drive(
+    law: &mut dyn ControlLaw,
+    segments: &[Segment],
+    speed_mps: f64,
+    start: Deviation,
+    time_s: f64,
+    lags: Lags,
+) -> Run {
+    let first = segments[0];
+    let tangent = first.start_heading_rad();
+    let (sin, cos) = libm::sincos(tangent);
+    let off = start.distance_m;
+    let mut truth =
+        WorldPose::new(first.from.x_m - off * sin, first.from.y_m + off * cos, tangent + start.heading_rad);
+    let before = BodyTwist::new(speed_mps, 0.0, 0.0);
+    let past = lags.delay_ticks + lags.picture_ticks;
+    let mut pictures: Vec<WorldPose> =
+        (0..past).rev().map(|age| moved(truth, before, -((age + 1) as f64) * TICK_S)).collect();
+    let (mut acting, mut commanded, mut servo) = (before, before, before);
+    // The segment the robot is on, and the one the selector takes it to be on.
+    let (mut on, mut index) = (0, 0);
+    let passed = |n: usize, pose: WorldPose| {
+        n + 1 < segments.len() && segments[n].nearest(pose.position()).along > 1.0
+    };
+    let (mut deviations, mut commands) = (Vec::new(), Vec::new());
+    for tick in 0..libm::round(time_s / TICK_S) as u64 {
+        on += usize::from(passed(on, truth));
+        let station = segments[on].nearest(truth.position());
+        deviations.push(Deviation {
+            heading_rad: wrap_angle_rad(truth.theta_rad - station.heading_rad),
+            distance_m: station.cross_track_m,
+        });
+        pictures.push(truth);
+        if tick % lags.period_ticks == 0 {
+            acting = commanded;
+            let taken = (tick + past - lags.delay_ticks) / lags.picture_ticks * lags.picture_ticks;
+            let mut pose = pictures[taken as usize];
+            pose.x_m += lags.noise.0 * spread(taken, 0);
+            pose.y_m += lags.noise.0 * spread(taken, 1);
+            pose.theta_rad += lags.noise.1 * spread(taken, 7);
+            index += usize::from(passed(index, pose));
+            let reference = reference(segments, index, speed_mps);
+            let output = law.step(LawInputs { pose, reference: &reference, acting });
+            commanded = output.twist;
+            commands.push(output);
+        }
+        let share = if lags.servo_s > 0.0 { 1.0 - libm::exp(-TICK_S / lags.servo_s) } else { 1.0 };
+        servo = BodyTwist::new(
+            servo.vx_mps + share * (acting.vx_mps - servo.vx_mps),
+            servo.vy_mps + share * (acting.vy_mps - servo.vy_mps),
+            servo.omega_radps + share * (acting.omega_radps - servo.omega_radps),
+        );
+        truth = moved(truth, servo, TICK_S);
+    }
+    Run { deviations, commands }
+}
+
+fn straight() -> [Segment; 1] {
+    [Segment::line(WorldPoint::new(0.2, -0.1), WorldPoint::new(40.0, 30.0))]
+}
+
+fn tables() -> Deviation {
+    Deviation { heading_rad: 5_f64.to_radians(), distance_m: 0.01 }
+}
+
+/// A camera every 100 ms, late, and drives of first order; the law told so.
+const fn lagged(delay_ticks: u64, noise: (f64, f64)) -> Lags {
+    Lags { period_ticks: PERIOD_TICKS, picture_ticks: 100, delay_ticks, servo_s: 0.05, noise }
+}
+
+const PAPER: [(&str, f64); 2] = [("end_jumps", 0.0), ("steps_min", 10.0)];
+
+fn correct(speed_mps: f64, lags: Lags, lag_s: f64, values: &[(&'static str, f64)]) -> Run {
+    let values: Vec<_> = values.iter().copied().chain([("lag_s", lag_s)]).collect();
+    let mut law = try_law(lags.period_ticks, &values).expect("builds");
+    drive(&mut *law, &straight(), speed_mps, tables(), 12.0, lags)
+}
+
+#[test]
+fn on_an_ideal_robot_both_deviations_are_gone_when_the_plan_ends_and_stay_gone() {
+    // Speed, step at which both land, when 2 mm and 2° are kept, peak mm; command acts a period late.
+    for (values, speed, steps, corrected_s, peak_mm) in [
+        // All of (5) kept from v_x = 0: the turn first.
+        (&[][..], 0.3, 10, 0.771, 11.7),
+        (&[], 0.5, 11, 0.872, 13.8),
+        // The same with (16) over all steps.
+        (&[("synchronous", 1.0)], 0.3, 15, 1.196, 14.2),
+        (&[("synchronous", 1.0)], 0.5, 21, 1.777, 22.2),
+        // The paper's closed form: the jumps into and out of the plan not counted.
+        (&PAPER, 0.3, 10, 0.896, 10.2),
+        (&PAPER, 0.5, 10, 0.921, 11.3),
+    ] {
+        let run = correct(speed, IDEAL, 0.0, values);
+        let reached = run.greatest(0.0).0;
+        assert!((reached - peak_mm).abs() < 0.1, "{values:?} {speed}: peak {reached}");
+        assert!((run.corrected_s() - corrected_s).abs() < 0.01, "{values:?} {speed}: {}", run.corrected_s());
+        // From the step on: what the last samples' turn leaves, T v_τ e_θ(N−1)/2, and then nothing. On a
+        // plan that falls as fast as the jumps allow even that little moves the end out by a step.
+        let end_s = f64::from(steps) * 0.1 + 0.006;
+        let (distance, heading) = run.greatest(end_s);
+        assert!(distance < 0.25 && heading < 0.2, "{values:?} {speed}: {distance} mm {heading}° at its end");
+        let (distance, heading) = run.greatest(end_s + 3.0);
+        assert!(distance < 1e-3 && heading < 1e-3, "{values:?} {speed}: {distance} mm {heading}° later");
+        // Not before that step either: the plan is the one of that length.
+        let (distance, heading) = run.at(end_s - 0.1);
+        assert!(
+            distance > 0.2 || heading > 0.2,
+            "{values:?} {speed}: {distance} mm {heading}° a step before"
+        );
+    }
+}
+
+#[test]
+fn carried_out_blindly_a_plan_misses_by_what_the_model_leaves_out() {
+    // T v_τ e_θ(0)/2: 1.31 mm and 2.18 mm, less what is of second order.
+    for (speed, steps) in [(0.3, 10), (0.5, 10)] {
+        let values = [("receding", 0.0), PAPER[0], PAPER[1]];
+        let (missed, heading) = correct(speed, IDEAL, 0.0, &values).at(f64::from(steps) * 0.1 + 0.005);
+        let expected = -0.1 * speed * tables().heading_rad / 2.0 * 1e3;
+        assert!((missed - expected).abs() < 0.3, "{speed}: {missed} mm, {expected} expected");
+        assert!(heading.abs() < 0.01, "{speed}: {heading}°");
+    }
+}
+
+#[test]
+fn with_a_late_camera_and_slow_drives_it_is_as_accurate_as_the_paper_s_robot() {
+    for delay_ticks in [50, 100] {
+        for speed in [0.3, 0.5] {
+            for values in [&[][..], &PAPER] {
+                for noise in [(0.0, 0.0), (0.0005, 0.003)] {
+                    let lag_s = delay_ticks as f64 * TICK_S + 0.05;
+                    let run = correct(speed, lagged(delay_ticks, noise), lag_s, values);
+                    let what = format!("{delay_ticks} ms, {speed} m/s, {values:?}, noise {noise:?}");
+                    assert!(run.corrected_s() <= 1.2, "{what}: {} s", run.corrected_s());
+                    let (distance, heading) = run.greatest(2.0);
+                    let (most_mm, most_deg) = if noise.0 > 0.0 { (0.8, 0.25) } else { (0.1, 0.02) };
+                    assert!(distance < most_mm && heading < most_deg, "{what}: {distance} mm {heading}°");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn prediction_is_what_makes_lags_harmless() {
+    let lags = lagged(100, (0.0, 0.0));
+    let corrected = |lag_s| correct(0.5, lags, lag_s, &PAPER).corrected_s();
+    assert!(corrected(0.15) < 1.1 && corrected(0.0) > 2.0, "{} {}", corrected(0.15), corrected(0.0));
+}
+
+#[test]
+fn the_period_it_is_called_at_hardly_matters() {
+    for period_ticks in [1, 20, 100] {
+        for speed in [0.3, 0.5] {
+            let run = correct(speed, Lags { period_ticks, ..IDEAL }, 0.0, &[]);
+            // The command acts a period late, and e_d grows meanwhile; otherwise as at 5 ms.
+            let late_s = period_ticks as f64 * TICK_S;
+            assert!(run.corrected_s() < 0.9 + 2.0 * late_s, "{period_ticks}: {}", run.corrected_s());
+            let (distance, heading) = run.greatest(3.0);
+            assert!(distance < 1e-3 && heading < 1e-3, "{period_ticks}: {distance} mm {heading}°");
+        }
+    }
+}
+
+/// A line, a quarter of a circle of 0.8 m to the left, a line, one to the right, a line.
+fn bends() -> [Segment; 5] {
+    let (p, bulge) = (WorldPoint::new, libm::tan(core::f64::consts::FRAC_PI_8));
+    [
+        Segment::line(p(0.0, 0.0), p(1.5, 0.0)),
+        Segment::new(p(1.5, 0.0), p(2.3, 0.8), bulge),
+        Segment::line(p(2.3, 0.8), p(2.3, 1.5)),
+        Segment::new(p(2.3, 1.5), p(3.1, 2.3), -bulge),
+        Segment::line(p(3.1, 2.3), p(9.0, 2.3)),
+    ]
+}
+
+#[test]
+fn arcs_are_followed_as_lines_are() {
+    for (lags, lag_s, most_mm) in [(IDEAL, 0.0, 0.3), (lagged(50, (0.0, 0.0)), 0.1, 2.0)] {
+        let mut law = try_law(lags.period_ticks, &[("lag_s", lag_s)]).expect("builds");
+        let run = drive(&mut *law, &bends(), 0.3, tables(), 20.0, lags);
+        let (distance, heading) = run.greatest(2.0);
+        assert!(distance < most_mm && heading < 2.0, "{lag_s}: {distance} mm {heading}°");
+    }
+}
+
+#[test]
+fn a_sharp_corner_is_turned_and_left_on_the_line() {
+    let p = WorldPoint::new;
+    let corner = [Segment::line(p(0.0, 0.0), p(1.0, 0.0)), Segment::line(p(1.0, 0.0), p(1.0, 5.0))];
+    let mut law = try_law(PERIOD_TICKS, &[]).expect("builds");
+    let run = drive(&mut *law, &corner, 0.3, tables(), 14.0, IDEAL);
+    let outside = run.commands.iter().filter(|output| output.fallback == Fallback::OutsideValidity).count();
+    assert!(outside > 100, "{outside} answers outside the validity");
+    assert!(run.commands.iter().all(|output| output.fallback != Fallback::IterationCap));
+    let (distance, heading) = run.greatest(10.0);
+    assert!(distance < 1e-3 && heading < 1e-3, "{distance} mm {heading}°");
+    assert_eq!(run.commands.last().map(|output| output.fallback), Some(Fallback::None));
+}
+
+#[test]
+fn without_its_solver_it_still_lands_and_says_so() {
+    let run = correct(0.5, IDEAL, 0.0, &[("max_iterations", 1.0)]);
+    assert!(run.commands.iter().any(|output| output.fallback == Fallback::IterationCap));
+    assert!(run.corrected_s() < 1.2, "{} s", run.corrected_s());
+    let (distance, heading) = run.greatest(3.0);
+    assert!(distance < 1e-3 && heading < 1e-3, "{distance} mm {heading}°");
+}
+
+#[test]
+fn nonsense_is_refused_when_it_is_built() {
+    use ParamError::{Conflict, OutOfBounds};
+    let refused = |values: &[(&'static str, f64)]| try_law(PERIOD_TICKS, values).err().expect("refused");
+    for name in ["sample_period_s", "steps_min", "steps_max", "fallback_steps_max", "accel_max_mps2"] {
+        assert!(matches!(refused(&[(name, 0.0)]), (key, OutOfBounds { .. }) if key == name), "{name}");
+    }
+    assert!(matches!(refused(&[("sample_period_s", 0.0123)]), ("sample_period_s", Conflict(_))));
+    assert!(matches!(refused(&[("sample_period_s", 0.002)]), ("sample_period_s", Conflict(_))));
+    assert!(matches!(refused(&[("steps_max", 5.0)]), ("steps_max", Conflict(_))));
+    assert!(matches!(
+        refused(&[("steps_min", 31.0), ("steps_max", 31.0)]),
+        ("fallback_steps_max", Conflict(_))
+    ));
+    assert!(try_law(PERIOD_TICKS, &[("sample_period_s", 0.005), ("steps_min", 1.0)]).is_ok());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// (5), whatever is seen and whenever: poses that leap, paths that change, another law's command acting.
+    #[test]
+    fn every_limit_holds_for_every_input(
+        sights in proptest::collection::vec((-0.4..0.4f64, -3.1..3.1f64, 1u64..60, 0usize..5), 1..12),
+        near: bool, receding: bool, synchronous: bool, vy in -0.45..0.45f64, omega in -0.7..0.7f64,
+        accel in 0.02..1.0f64, speed in 0.0..0.7f64, lag_s in 0.0..0.2f64,
+    ) {
+        let switch = |on: bool| f64::from(u8::from(on));
+        let values = [
+            ("accel_max_mps2", accel), ("lag_s", lag_s), ("receding", switch(receding)),
+            ("synchronous", switch(synchronous)),
+        ];
+        let mut law = try_law(PERIOD_TICKS, &values).expect("builds");
+        let chassis = Chassis::Mecanum(MecanumParams::default());
+        let mut acting = BodyTwist::new(0.1, vy, omega);
+        let mut since_s = 0.1;
+        for (distance, heading, periods, index) in sights {
+            let (distance, heading) = if near { (0.05 * distance, 0.04 * heading) } else { (distance, heading) };
+            let reference = reference(&bends(), index, speed);
+            let segment = bends()[index];
+            let place = segment.nearest(segment.point_at(0.3));
+            let (sin, cos) = libm::sincos(place.heading_rad);
+            for n in 0..periods {
+                let on = moved(
+                    WorldPose::new(place.point.x_m, place.point.y_m, place.heading_rad),
+                    BodyTwist::new(speed, 0.0, speed * segment.curvature_per_m()),
+                    n as f64 * 0.005,
+                );
+                let pose =
+                    WorldPose::new(on.x_m - distance * sin, on.y_m + distance * cos, on.theta_rad + heading);
+                let twist = law.step(LawInputs { pose, reference: &reference, acting }).twist;
+                prop_assert!(twist.is_finite());
+                let jump = (twist.vy_mps - acting.vy_mps).abs();
+                prop_assert!(jump <= accel * f64::min(since_s, 0.1) + 1e-9, "{jump} after {since_s} s");
+                prop_assert!(twist.vy_mps.abs() <= 0.5 + 1e-9 && twist.omega_radps.abs() <= 0.747 + 1e-12);
+                prop_assert!(twist.speed_mps().abs() <= 0.8 + 1e-9 && chassis.motor_use(twist) <= 1.0 + 1e-9);
+                since_s = if twist == acting { since_s + 0.005 } else { 0.005 };
+                acting = twist;
+            }
+        }
+    }
+}
