@@ -44,6 +44,7 @@ pub const SPEC: LawSpec = LawSpec {
     chassis: &["differential"],
     acceptance: Acceptance::Rim,
     allocations: 0,
+    keeps_limits: false,
     params: KanayamaGains::SPECS,
     build,
 };

@@ -54,6 +54,8 @@ pub struct LawSpec {
     pub acceptance: Acceptance,
     /// Most allocations of one step.
     pub allocations: u64,
+    /// Its twists are inside the limits and the motor diamond before the step generator sees them.
+    pub keeps_limits: bool,
     /// Its parameters.
     pub params: &'static [ParamSpec],
     /// Builds it.
@@ -69,6 +71,18 @@ pub struct TwistLimits {
     pub v_max_mps: f64,
     /// Greatest yaw rate, ω_max.
     pub omega_max_radps: f64,
+}
+
+impl TwistLimits {
+    /// `twist` within the limits; a sideways speed shares in the cut, so that the direction stays.
+    fn cut(&self, twist: BodyTwist) -> BodyTwist {
+        let omega = twist.omega_radps.max(-self.omega_max_radps).min(self.omega_max_radps);
+        if twist.vy_mps == 0.0 {
+            return BodyTwist::new(twist.vx_mps.max(self.v_min_mps).min(self.v_max_mps), 0.0, omega);
+        }
+        let shorten = (self.v_max_mps / twist.speed_mps()).min(1.0);
+        BodyTwist::new(twist.vx_mps * shorten, twist.vy_mps * shorten, omega)
+    }
 }
 
 /// What a law is built from.
@@ -148,9 +162,11 @@ pub struct ControllerInputs<'a> {
     pub pose: &'a Pose,
 }
 
-/// How fast the commands of a controller that takes over may depart from what acts.
+/// How the commands of a controller that takes over may depart from what acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandoverLimits {
+    /// What the step generator lets through: as far as the law's own command is worth approaching.
+    pub twist: TwistLimits,
     /// Change of the linear velocity, m/s².
     pub accel_mps2: f64,
     /// Change of the yaw rate, rad/s².
@@ -194,9 +210,13 @@ impl Controller {
         LawOutput { twist: output.twist.turned(crab_rad), ..output }
     }
 
-    /// `wanted`, or as near to it as a handover under way allows.
+    /// `wanted`, or as near to it as a handover under way allows. What the step generator would cut
+    /// off is not approached: a law may ask for a hundred times the yaw rate there is, and change its
+    /// mind before a bounded change has got there.
     fn approach(&mut self, wanted: BodyTwist) -> BodyTwist {
         let Some(limits) = self.handover.filter(|_| wanted.is_finite()) else { return wanted };
+        let own = wanted;
+        let wanted = limits.twist.cut(own);
         let period_s = self.period_ticks as f64 * TICK_S;
         let from = self.acting;
         let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
@@ -205,7 +225,7 @@ impl Controller {
         let share = linear.max(turn.abs() / (limits.accel_radps2 * period_s));
         if share <= 1.0 {
             self.handover = None;
-            return wanted;
+            return own;
         }
         BodyTwist::new(from.vx_mps + dx / share, from.vy_mps + dy / share, from.omega_radps + turn / share)
     }
@@ -244,4 +264,6 @@ impl Block for Controller {
 }
 
 #[cfg(test)]
-mod tests;
+mod cart;
+#[cfg(test)]
+mod contract;

@@ -70,6 +70,7 @@ pub const SPEC: LawSpec = LawSpec {
     chassis: &["differential", "mecanum"],
     acceptance: Acceptance::Passed,
     allocations: 0,
+    keeps_limits: false,
     params: NavigationCircleParams::SPECS,
     build,
 };

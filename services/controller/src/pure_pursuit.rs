@@ -8,7 +8,7 @@
 //!
 //! The goal is where the path first leaves the circle of radius L about the robot, counted from the place
 //! nearest to the robot: over the current segment and the coming ones, lines and arcs; beyond its last
-//! waypoint the path goes on straight. L is the largest of three: the way driven in `lookahead_s`, a
+//! waypoint the path goes on as it ends. L is the largest of three: the way driven in `lookahead_s`, a
 //! multiple of the tightest bend at the reference speed, and the acceptance radius; so the defaults serve
 //! robots of any size.
 //!
@@ -22,7 +22,7 @@
 //!   counts, so where the path turns back the goal runs ahead of the waypoint by a share of the acceptance
 //!   radius only.
 //! * A coming segment with another crab angle is driven with another course: the goal does not move on
-//!   to it before the robot does, which goes straight through the waypoint until then.
+//!   to it before the robot does, which goes on through the waypoint until then.
 //! * Where the arc asks for more than the highest yaw rate, the robot slows down.
 
 use crate::unicycle::bend;
@@ -65,6 +65,7 @@ pub const SPEC: LawSpec = LawSpec {
     chassis: &["differential", "mecanum"],
     acceptance: Acceptance::Passed,
     allocations: 0,
+    keeps_limits: false,
     params: PurePursuitParams::SPECS,
     build,
 };
@@ -85,29 +86,24 @@ pub struct PurePursuit {
     acceptance_m: f64,
 }
 
-/// Where a segment, from its share `from` on, first leaves the circle about `centre`; `None` if it ends
-/// inside. That it starts inside is the caller's promise.
-fn leaves(segment: Segment, from: f64, centre: WorldPoint, radius_m: f64) -> Option<WorldPoint> {
-    let length = segment.length_m();
+/// The share at which a segment, from its share `from` on, first leaves the circle about `centre`: above 1
+/// beyond its end, infinite for an arc that stays inside. That it starts inside is the caller's promise.
+fn leaves(segment: Segment, from: f64, centre: WorldPoint, radius_m: f64) -> f64 {
     let start = segment.point_at(from);
-    if let Some(middle) = segment.centre() {
-        let side = segment.bulge.signum();
-        let (dx, dy) = (centre.x_m - middle.x_m, centre.y_m - middle.y_m);
-        let (away, bend) = (libm::hypot(dx, dy), segment.from.distance_m(middle));
-        // Law of cosines: the circles meet at ± this angle from the line of centres.
-        let cos = (away * away + bend * bend - radius_m * radius_m) / (2.0 * away * bend);
-        if cos < -1.0 {
-            return None;
-        }
-        let meets = libm::acos(cos.min(1.0));
-        let at = libm::atan2(start.y_m - middle.y_m, start.x_m - middle.x_m) - libm::atan2(dy, dx);
-        let turn = (meets - wrap_angle_rad(side * at)).max(0.0);
-        let share = from + turn / segment.sweep_rad().abs();
-        return (share <= 1.0).then(|| segment.point_at(share));
+    let Some(middle) = segment.centre() else {
+        return from + along_ray(start, segment.heading_rad(), centre, radius_m) / segment.length_m();
+    };
+    let (dx, dy) = (centre.x_m - middle.x_m, centre.y_m - middle.y_m);
+    let (away, bend) = (libm::hypot(dx, dy), segment.from.distance_m(middle));
+    // Law of cosines: the circles meet at ± this angle from the line of centres.
+    let cos = (away * away + bend * bend - radius_m * radius_m) / (2.0 * away * bend);
+    if cos < -1.0 {
+        return f64::INFINITY;
     }
-    let way = along_ray(start, segment.heading_rad(), centre, radius_m);
-    let share = from + way / length;
-    (share <= 1.0).then(|| segment.point_at(share))
+    let meets = libm::acos(cos.min(1.0));
+    let at = libm::atan2(start.y_m - middle.y_m, start.x_m - middle.x_m) - libm::atan2(dy, dx);
+    let turn = (meets - wrap_angle_rad(segment.bulge.signum() * at)).max(0.0);
+    from + turn / segment.sweep_rad().abs()
 }
 
 /// Way along a ray that starts inside a circle until it leaves it, m.
@@ -127,16 +123,12 @@ struct Goal {
 }
 
 /// The goal on the circle about `centre`, the path starting at the share `from` of its segment `skip`
-/// (0: the current one), or at its end in direction `heading_rad` should nothing of it have a length.
-fn goal(
-    reference: &Reference,
-    (skip, from): (usize, f64),
-    centre: WorldPoint,
-    radius_m: f64,
-    heading_rad: f64,
-) -> Goal {
-    let (mut from, mut heading_rad, mut is_beyond) = (from, heading_rad, false);
+/// (0: the current one).
+fn goal(reference: &Reference, (skip, from): (usize, f64), centre: WorldPoint, radius_m: f64) -> Goal {
+    let (mut from, mut is_beyond) = (from, false);
     let mut last = reference.last;
+    // The last segment looked at, and where its line or circle leaves.
+    let mut end = None;
     for (n, waypoint) in reference.ahead().enumerate() {
         if waypoint.crab_rad != reference.current.crab_rad {
             break;
@@ -147,14 +139,23 @@ fn goal(
             continue;
         }
         is_beyond = n > skip;
-        if let Some(point) = leaves(segment, from, centre, radius_m) {
-            return Goal { point, is_beyond };
+        let share = leaves(segment, from, centre, radius_m);
+        if share <= 1.0 {
+            return Goal { point: segment.point_at(share), is_beyond };
         }
-        (from, heading_rad) = (0.0, segment.heading_rad());
+        (from, end) = (0.0, Some((segment, share)));
     }
-    let way = along_ray(last.point(), heading_rad, centre, radius_m);
-    let (sin, cos) = libm::sincos(heading_rad);
-    Goal { point: WorldPoint::new(last.x_m + way * cos, last.y_m + way * sin), is_beyond }
+    let point = match end {
+        Some((segment, share)) if share.is_finite() => segment.point_at(share),
+        Some((segment, _)) => {
+            let heading = segment.heading_rad();
+            let way = along_ray(segment.to, heading, centre, radius_m);
+            let (sin, cos) = libm::sincos(heading);
+            WorldPoint::new(segment.to.x_m + way * cos, segment.to.y_m + way * sin)
+        }
+        None => last.point(),
+    };
+    Goal { point, is_beyond }
 }
 
 /// How far `point` lies from `from` in direction `heading_rad`, as a share of its distance.
@@ -178,13 +179,11 @@ impl PurePursuit {
         let from = segment.nearest(robot).along.clamp(0.0, 1.0);
         let away = robot.distance_m(segment.point_at(from));
         let lookahead = self.lookahead_m(reference.speed_mps).max(SQRT_2 * away);
-        let there = Segment::line(robot, segment.to).heading_rad();
-        let ahead = goal(reference, (0, from), robot, lookahead, there);
-        let heading = segment.heading_rad();
-        if !ahead.is_beyond || cosine(segment.to, heading, ahead.point) >= AHEAD {
+        let ahead = goal(reference, (0, from), robot, lookahead);
+        if !ahead.is_beyond || cosine(segment.to, segment.heading_rad(), ahead.point) >= AHEAD {
             return ahead.point;
         }
-        goal(reference, (1, 0.0), segment.to, BEYOND * self.acceptance_m, heading).point
+        goal(reference, (1, 0.0), segment.to, BEYOND * self.acceptance_m).point
     }
 }
 

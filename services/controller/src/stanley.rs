@@ -34,11 +34,11 @@ param_group! {
     /// Gains and the virtual front wheel.
     StanleyParams {
         /// Gain on the cross-track error, k.
-        gain_per_s: f64 = 1.2, "1/s", 0.0, 100.0;
+        gain_per_s: f64 = 2.0, "1/s", 0.0, 100.0;
         /// What is added to the speed that the error is divided by, k_s.
         soft_speed_mps: f64 = 0.01, "m/s", 0.0001, 10.0;
         /// Virtual wheelbase b, in tracks (2L; Mecanum: 2 (L1 + L2)).
-        wheelbase_tracks: f64 = 1.0, "", 0.05, 20.0;
+        wheelbase_tracks: f64 = 0.6, "", 0.05, 20.0;
         /// Greatest steering angle δ.
         steer_max_rad: f64 = 1.2, "rad", 0.01, 1.55;
     }
@@ -52,6 +52,7 @@ pub const SPEC: LawSpec = LawSpec {
     chassis: &["differential", "mecanum"],
     acceptance: Acceptance::Passed,
     allocations: 0,
+    keeps_limits: false,
     params: StanleyParams::SPECS,
     build,
 };
@@ -95,7 +96,7 @@ impl ControlLaw for Stanley {
         let (psi, e) = self.errors(inputs.pose, inputs.reference.segment());
         let max = self.params.steer_max_rad;
         let steer = psi + libm::atan(self.params.gain_per_s * e / (self.params.soft_speed_mps + v.abs()));
-        let delta = wrap_angle_rad(steer).clamp(-max, max);
+        let delta = steer.clamp(-max, max);
         LawOutput::sound(bend(v, libm::tan(delta) / self.wheelbase_m, &self.limits))
     }
 

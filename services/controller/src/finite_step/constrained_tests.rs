@@ -234,7 +234,8 @@ fn the_solver_gets_there_nearly_always_and_says_when_not() {
     let mut solver = solver();
     let (mut asked, mut declined) = (0, 0);
     for n in 0..4000_u32 {
-        let at = |step: f64| (f64::from(n) * step).sin_share();
+        // A cheap spread over −1 … 1.
+        let at = |step: f64| libm::sin(f64::from(n) * step * 12.9898);
         let start = Deviation { heading_rad: 0.139 * at(0.7), distance_m: 0.05 * at(1.3) };
         let problem = Search { least: 8, most: 30, turn: 8, synchronous: n % 2 == 0 }.choose(
             &model(0.25 + 0.25 * at(0.31)),
@@ -247,15 +248,4 @@ fn the_solver_gets_there_nearly_always_and_says_when_not() {
         }
     }
     assert!(asked > 3000 && declined * 1000 < asked, "{declined} of {asked}");
-}
-
-/// A cheap spread over −1 … 1.
-trait Spread {
-    fn sin_share(self) -> f64;
-}
-
-impl Spread for f64 {
-    fn sin_share(self) -> f64 {
-        libm::sin(self * 12.9898)
-    }
 }

@@ -18,8 +18,8 @@
 //! Receding (the default) plans anew at every sample, and *keeps the end step*: after one sample a plan
 //! of N is followed by one of N − 1, so both deviations land at the step first promised. A horizon of
 //! always N would take away a share 1/N of e_θ a sample and never land. If the end can no longer be kept
-//! within the bounds it moves out as little as possible; when it is reached a new plan begins. `receding`
-//! off carries a plan out as computed, blind to its end.
+//! within the bounds, the shortest plan that can takes its place; when it is reached a new one begins.
+//! `receding` off carries a plan out as computed, blind to its end.
 //!
 //! Departures from the paper:
 //! * Between samples the robot turns, so e_d grows by T v_τ times the *mean* e_θ of a sample, not the
@@ -27,6 +27,8 @@
 //! * e_d is the distance to the path; the camera's is e_d/cos e_θ, 1 % more at 8°. Both are zero together.
 //! * Paths bend: e_d, e_θ are against the nearest place of an arc, and ω has v_τ κ added.
 //! * A sample is cut short where the path's next segment begins.
+//! * a_max bounds v_x, the correction. The travel itself starts, stops and, where the crab angle changes,
+//!   turns its direction in the robot as the path says; what acts is then carried over as v_x.
 //! * Where (5) leaves no closed plan from the v_x in action, the turn may be finished before the step at
 //!   which e_d lands (`synchronous` off): the drift v_τ e_θ is what asks for v_x.
 
@@ -53,11 +55,11 @@ param_group! {
         /// Sample period T_s; a whole multiple of the control period.
         sample_period_s: f64 = 0.1, "s", 0.001, 1.0;
         /// Fewest steps of a new plan.
-        steps_min: u64 = 8, "", 1, 40;
+        steps_min: u64 = 8, "", 1, STEPS_CAP;
         /// Most steps of a plan in closed form; at least steps_min.
-        steps_max: u64 = 12, "", 1, 40;
+        steps_max: u64 = 12, "", 1, STEPS_CAP;
         /// Most steps of a plan with hard bounds, where there is none in closed form; at least steps_min.
-        fallback_steps_max: u64 = 30, "", 1, 40;
+        fallback_steps_max: u64 = 30, "", 1, STEPS_CAP;
         /// Greatest sideways speed, v_xmax.
         sideways_max_mps: f64 = 0.5, "m/s", 0.001, 10.0;
         /// Greatest sideways acceleration, a_max.
@@ -86,6 +88,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Passed,
     // The timers of clarabel, where a plan has hard bounds.
     allocations: 1,
+    keeps_limits: false,
     params: FiniteStepParams::SPECS,
     build,
 };
@@ -148,6 +151,7 @@ pub struct FiniteStepLaw {
     history: History,
     course: Option<Course>,
     leg: Option<Leg>,
+    crab_rad: f64,
     /// Periods left of the sample under way.
     left: u64,
     held: LawOutput,
@@ -172,6 +176,7 @@ impl FiniteStepLaw {
             history: History::new(period_s, params.lag_s),
             course: None,
             leg: None,
+            crab_rad: 0.0,
             left: 0,
             held: LawOutput::sound(BodyTwist::ZERO),
         }
@@ -232,27 +237,30 @@ impl FiniteStepLaw {
         Course { steps: problem.steps, done: 0, v_x, turn: problem.turn, fallback }
     }
 
-    /// A new sample: what to hold until the next one.
-    fn sample(&mut self, sight: &Sight, acting: BodyTwist, elapsed: u64, changed: bool) -> LawOutput {
-        let along = sight.along_mps.clamp(-self.v_max_mps, self.v_max_mps);
-        let model =
-            Model { sample_s: self.sample_s, along_mps: along, validity_rad: self.params.validity_rad };
-        let path = (along * sight.curvature_per_m).clamp(-self.yaw_max_radps, self.yaw_max_radps);
-        let bounds = self.bounds(-acting.vy_mps, elapsed, path);
-        let blind = self.course.is_some_and(|course| {
-            course.left() > 0 && course.fallback != Fallback::OutsideValidity && !changed
-        });
-        if self.params.receding || !blind {
-            self.course = Some(self.plan(&model, sight.deviation, &bounds));
-        }
-        let Some(course) = self.course else { return self.held };
+    /// A new sample: what to hold until the next one. `now_mps`: v_x in action; `elapsed`: periods since
+    /// the last sample; `changed`: the path's segment is another one.
+    fn sample(&mut self, sight: &Sight, now_mps: f64, elapsed: u64, changed: bool) -> LawOutput {
+        let along_mps = sight.along_mps.clamp(-self.v_max_mps, self.v_max_mps);
+        let model = Model { sample_s: self.sample_s, along_mps, validity_rad: self.params.validity_rad };
+        let path = (along_mps * sight.curvature_per_m).clamp(-self.yaw_max_radps, self.yaw_max_radps);
+        let bounds = self.bounds(now_mps, elapsed, path);
+        let blind = |course: &Course| {
+            !self.params.receding
+                && !changed
+                && course.left() > 0
+                && course.fallback != Fallback::OutsideValidity
+        };
+        let course = match self.course.filter(blind) {
+            Some(course) => course,
+            None => self.plan(&model, sight.deviation, &bounds),
+        };
         let k = course.done.min(STEPS_CAP - 1);
         self.course = Some(Course { done: course.done + 1, ..course });
-        let (now, first) = (bounds.now_mps, bounds.first_jump_mps);
+        let first = bounds.first_jump_mps;
         let (turn, mut v_x) = (course.turn.rate_radps(k, self.sample_s), course.v_x[k]);
         if bounds.ends || course.fallback != Fallback::None {
             // A plan in progress that another controller's command or a cut sample has come into.
-            v_x = v_x.max(now - first).min(now + first);
+            v_x = v_x.max(now_mps - first).min(now_mps + first);
         }
         let heading = if self.params.receding || k == 0 {
             sight.deviation.heading_rad
@@ -276,13 +284,18 @@ impl FiniteStepLaw {
 
 impl ControlLaw for FiniteStepLaw {
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
-        self.history.see(inputs.pose, inputs.acting, inputs.reference.current.crab_rad);
+        let crab_rad = inputs.reference.current.crab_rad;
+        self.history.see(inputs.pose, inputs.acting, crab_rad);
         let pose = self.history.predict().unwrap_or(inputs.pose);
         let sight = Sight::new(pose, inputs.reference);
-        let changed = self.leg.replace(sight.leg).is_some_and(|leg| leg != sight.leg);
-        if self.left == 0 || changed {
+        let before = self.leg.replace(sight.leg);
+        let changed = before.is_some_and(|leg| leg != sight.leg);
+        let turned = before.is_some() && crab_rad != self.crab_rad;
+        self.crab_rad = crab_rad;
+        if self.left == 0 || changed || turned {
             let elapsed = self.periods - self.left;
-            self.held = self.sample(&sight, inputs.acting, elapsed, changed);
+            let acting = if turned { self.held.twist } else { inputs.acting };
+            self.held = self.sample(&sight, -acting.vy_mps, elapsed, changed);
             self.left = self.periods;
         }
         self.left -= 1;

@@ -53,7 +53,7 @@ impl Model {
 
     /// Growth of e_d in a sample for want of heading, T v_τ e_θ.
     pub fn drift_m(&self, heading_rad: f64) -> f64 {
-        if libm::cos(heading_rad) <= 0.0 {
+        if heading_rad.abs() > self.validity_rad && libm::cos(heading_rad) <= 0.0 {
             return 0.0;
         }
         self.sample_s * self.along_mps * heading_rad.clamp(-self.validity_rad, self.validity_rad)

@@ -75,57 +75,71 @@ fn spread(n: u64, salt: u64) -> f64 {
     ((x >> 11) as f64) / ((1_u64 << 52) as f64) - 1.0
 }
 
-fn reference(segments: &[Segment], index: usize, speed_mps: f64) -> Reference {
-    let waypoint = |n: usize| Waypoint { bulge: segments[n].bulge, ..Waypoint::from(segments[n].to) };
-    let mut reference = Reference {
-        state: ReferenceState::Tracking.code(),
-        path_id: 1,
-        index: index as u64 + 1,
-        total: segments.len() as u64 + 1,
-        speed_mps,
-        last: Waypoint::from(segments[index].from),
-        current: waypoint(index),
-        ..Reference::ZERO
-    };
-    for (n, next) in (index + 1..segments.len()).zip(reference.preview.iter_mut()) {
-        *next = waypoint(n);
-        reference.preview_len += 1;
-    }
-    reference
+/// What is driven along, and how fast.
+#[derive(Clone, Copy)]
+struct Path<'a> {
+    segments: &'a [Segment],
+    /// Crab angle of each segment; none for what is missing.
+    crabs: &'a [f64],
+    speed_mps: f64,
 }
 
-/// Drives along `segments` for `time_s`, from `start` relative to the first one's start. The robot has come
-/// there straight on at full speed.
-fn drive(
-    law: &mut dyn ControlLaw,
-    segments: &[Segment],
-    speed_mps: f64,
-    start: Deviation,
-    time_s: f64,
-    lags: Lags,
-) -> Run {
-    let first = segments[0];
+impl Path<'_> {
+    fn crab(&self, n: usize) -> f64 {
+        self.crabs.get(n).copied().unwrap_or(0.0)
+    }
+
+    fn reference(&self, index: usize) -> Reference {
+        let waypoint = |n: usize| Waypoint {
+            bulge: self.segments[n].bulge,
+            crab_rad: self.crab(n),
+            ..Waypoint::from(self.segments[n].to)
+        };
+        let mut reference = Reference {
+            state: ReferenceState::Tracking.code(),
+            path_id: 1,
+            index: index as u64 + 1,
+            total: self.segments.len() as u64 + 1,
+            speed_mps: self.speed_mps,
+            last: Waypoint::from(self.segments[index].from),
+            current: waypoint(index),
+            ..Reference::ZERO
+        };
+        for (n, next) in (index + 1..self.segments.len()).zip(reference.preview.iter_mut()) {
+            *next = waypoint(n);
+            reference.preview_len += 1;
+        }
+        reference
+    }
+
+    fn passed(&self, n: usize, pose: WorldPose) -> bool {
+        n + 1 < self.segments.len() && self.segments[n].nearest(pose.position()).along > 1.0
+    }
+}
+
+/// Drives for `time_s`, from `start` relative to the path's start. The robot has come there straight on at
+/// full speed.
+fn drive(law: &mut dyn ControlLaw, path: Path<'_>, start: Deviation, time_s: f64, lags: Lags) -> Run {
+    let first = path.segments[0];
     let tangent = first.start_heading_rad();
     let (sin, cos) = libm::sincos(tangent);
     let off = start.distance_m;
-    let mut truth =
-        WorldPose::new(first.from.x_m - off * sin, first.from.y_m + off * cos, tangent + start.heading_rad);
-    let before = BodyTwist::new(speed_mps, 0.0, 0.0);
+    let heading = tangent + start.heading_rad - path.crab(0);
+    let mut truth = WorldPose::new(first.from.x_m - off * sin, first.from.y_m + off * cos, heading);
+    // All twists of this loop are in the robot's frame.
+    let before = BodyTwist::new(path.speed_mps, 0.0, 0.0).turned(path.crab(0));
     let past = lags.delay_ticks + lags.picture_ticks;
     let mut pictures: Vec<WorldPose> =
         (0..past).rev().map(|age| moved(truth, before, -((age + 1) as f64) * TICK_S)).collect();
     let (mut acting, mut commanded, mut servo) = (before, before, before);
     // The segment the robot is on, and the one the selector takes it to be on.
     let (mut on, mut index) = (0, 0);
-    let passed = |n: usize, pose: WorldPose| {
-        n + 1 < segments.len() && segments[n].nearest(pose.position()).along > 1.0
-    };
     let (mut deviations, mut commands) = (Vec::new(), Vec::new());
     for tick in 0..libm::round(time_s / TICK_S) as u64 {
-        on += usize::from(passed(on, truth));
-        let station = segments[on].nearest(truth.position());
+        on += usize::from(path.passed(on, truth));
+        let station = path.segments[on].nearest(truth.position());
         deviations.push(Deviation {
-            heading_rad: wrap_angle_rad(truth.theta_rad - station.heading_rad),
+            heading_rad: wrap_angle_rad(truth.theta_rad + path.crab(on) - station.heading_rad),
             distance_m: station.cross_track_m,
         });
         pictures.push(truth);
@@ -136,10 +150,11 @@ fn drive(
             pose.x_m += lags.noise.0 * spread(taken, 0);
             pose.y_m += lags.noise.0 * spread(taken, 1);
             pose.theta_rad += lags.noise.1 * spread(taken, 7);
-            index += usize::from(passed(index, pose));
-            let reference = reference(segments, index, speed_mps);
-            let output = law.step(LawInputs { pose, reference: &reference, acting });
-            commanded = output.twist;
+            index += usize::from(path.passed(index, pose));
+            let (reference, crab) = (path.reference(index), path.crab(index));
+            pose.theta_rad += crab;
+            let output = law.step(LawInputs { pose, reference: &reference, acting: acting.turned(-crab) });
+            commanded = output.twist.turned(crab);
             commands.push(output);
         }
         let share = if lags.servo_s > 0.0 { 1.0 - libm::exp(-TICK_S / lags.servo_s) } else { 1.0 };
@@ -171,7 +186,7 @@ const PAPER: [(&str, f64); 2] = [("end_jumps", 0.0), ("steps_min", 10.0)];
 fn correct(speed_mps: f64, lags: Lags, lag_s: f64, values: &[(&'static str, f64)]) -> Run {
     let values: Vec<_> = values.iter().copied().chain([("lag_s", lag_s)]).collect();
     let mut law = try_law(lags.period_ticks, &values).expect("builds");
-    drive(&mut *law, &straight(), speed_mps, tables(), 12.0, lags)
+    drive(&mut *law, Path { segments: &straight(), crabs: &[], speed_mps }, tables(), 12.0, lags)
 }
 
 #[test]
@@ -276,7 +291,8 @@ fn bends() -> [Segment; 5] {
 fn arcs_are_followed_as_lines_are() {
     for (lags, lag_s, most_mm) in [(IDEAL, 0.0, 0.3), (lagged(50, (0.0, 0.0)), 0.1, 2.0)] {
         let mut law = try_law(lags.period_ticks, &[("lag_s", lag_s)]).expect("builds");
-        let run = drive(&mut *law, &bends(), 0.3, tables(), 20.0, lags);
+        let run =
+            drive(&mut *law, Path { segments: &bends(), crabs: &[], speed_mps: 0.3 }, tables(), 20.0, lags);
         let (distance, heading) = run.greatest(2.0);
         assert!(distance < most_mm && heading < 2.0, "{lag_s}: {distance} mm {heading}°");
     }
@@ -287,13 +303,31 @@ fn a_sharp_corner_is_turned_and_left_on_the_line() {
     let p = WorldPoint::new;
     let corner = [Segment::line(p(0.0, 0.0), p(1.0, 0.0)), Segment::line(p(1.0, 0.0), p(1.0, 5.0))];
     let mut law = try_law(PERIOD_TICKS, &[]).expect("builds");
-    let run = drive(&mut *law, &corner, 0.3, tables(), 14.0, IDEAL);
+    let run = drive(&mut *law, Path { segments: &corner, crabs: &[], speed_mps: 0.3 }, tables(), 14.0, IDEAL);
     let outside = run.commands.iter().filter(|output| output.fallback == Fallback::OutsideValidity).count();
     assert!(outside > 100, "{outside} answers outside the validity");
     assert!(run.commands.iter().all(|output| output.fallback != Fallback::IterationCap));
+    // The corner comes at 3.3 s; 90° take 2.1 s at least.
+    let (distance, heading) = run.greatest(6.5);
+    assert!(distance < 2.0 && heading < 2.0, "{distance} mm {heading}°");
+    assert!(run.greatest(3.0).0 < 35.0, "{} mm out", run.greatest(3.0).0);
     let (distance, heading) = run.greatest(10.0);
     assert!(distance < 1e-3 && heading < 1e-3, "{distance} mm {heading}°");
     assert_eq!(run.commands.last().map(|output| output.fallback), Some(Fallback::None));
+}
+
+#[test]
+fn a_corner_taken_sideways_needs_no_turn() {
+    let p = WorldPoint::new;
+    let corner = [Segment::line(p(0.0, 0.0), p(1.0, 0.0)), Segment::line(p(1.0, 0.0), p(1.0, 5.0))];
+    let sideways = Path { segments: &corner, crabs: &[0.0, core::f64::consts::FRAC_PI_2], speed_mps: 0.3 };
+    let mut law = try_law(PERIOD_TICKS, &[]).expect("builds");
+    let run = drive(&mut *law, sideways, tables(), 14.0, IDEAL);
+    // Past the corner by the period that the next command waits, 1.5 mm, and heading on as before.
+    let (distance, heading) = run.greatest(2.0);
+    assert!(distance < 4.0 && heading < 0.01, "{distance} mm {heading}°");
+    let (distance, heading) = run.greatest(6.0);
+    assert!(distance < 1e-3 && heading < 1e-3, "{distance} mm {heading}°");
 }
 
 #[test]
@@ -343,7 +377,7 @@ proptest! {
         let mut since_s = 0.1;
         for (distance, heading, periods, index) in sights {
             let (distance, heading) = if near { (0.05 * distance, 0.04 * heading) } else { (distance, heading) };
-            let reference = reference(&bends(), index, speed);
+            let reference = Path { segments: &bends(), crabs: &[], speed_mps: speed }.reference(index);
             let segment = bends()[index];
             let place = segment.nearest(segment.point_at(0.3));
             let (sin, cos) = libm::sincos(place.heading_rad);

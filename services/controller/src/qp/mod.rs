@@ -82,6 +82,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Bisector,
     // The timers of clarabel.
     allocations: 1,
+    keeps_limits: true,
     params: QpParams::SPECS,
     build,
 };

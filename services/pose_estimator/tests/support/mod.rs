@@ -63,6 +63,8 @@ pub struct Wrong {
     pub scale: [f64; 3],
     /// Sd of a wheel's travel after a metre, m.
     pub slip_noise: f64,
+    /// Sd by which each of `scale` wanders on a metre.
+    pub scale_drift: f64,
     /// True start minus the assumed one.
     pub start: [f64; 3],
 }
@@ -76,7 +78,7 @@ impl Wrong {
         };
         let scale = [params.forward_scale_sd, second, params.yaw_scale_sd].map(|sd| sd * noise.normal());
         let start = [params.start_sd_m, params.start_sd_m, params.start_sd_rad].map(|sd| sd * noise.normal());
-        Self { scale, slip_noise: params.slip_noise, start }
+        Self { scale, slip_noise: params.slip_noise, scale_drift: params.scale_drift, start }
     }
 }
 
@@ -132,6 +134,7 @@ impl Robot {
                 )
             }
         };
+        self.wander(counts);
         // Exponential of a planar twist: V(turn) (forward, left) in the frame of the start.
         let (a, b) = if turn.abs() < 1e-5 {
             (1.0 - turn * turn / 6.0, turn / 2.0)
@@ -143,6 +146,17 @@ impl Robot {
         self.pose.x_m += x * cos - y * sin;
         self.pose.y_m += x * sin + y * cos;
         self.pose.theta_rad += turn;
+    }
+
+    /// Lets the scale errors wander with the way of these counts.
+    fn wander(&mut self, counts: PerWheel<i64>) {
+        let way_m =
+            counts.iter().map(|n| n.abs() as f64).sum::<f64>() * self.rim_m / self.chassis.wheels() as f64;
+        if self.wrong.scale_drift > 0.0 && way_m > 0.0 {
+            for scale in &mut self.wrong.scale {
+                *scale += self.wrong.scale_drift * libm::sqrt(way_m) * self.noise.normal();
+            }
+        }
     }
 }
 

@@ -1,0 +1,91 @@
+//! `cargo bench -p hilare-pose-estimator`: what a tick costs, on one core, with and without a fix.
+//!
+//! The medians of rounds. "Whole history": the fix is as old as can be, after as long a time without
+//! any, the dearest step there is.
+#![allow(
+    missing_docs,
+    clippy::disallowed_methods,
+    clippy::disallowed_macros,
+    reason = "tests and benchmarks have clocks and output"
+)]
+
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::messages::PoseFix;
+use hilare_pose_estimator::ekf::params::EkfParams;
+use hilare_pose_estimator::{EstimatorInputs, EstimatorKind, EstimatorSetup, PoseEstimator};
+use std::hint::black_box;
+use std::time::Instant;
+
+const ROUNDS: usize = 41;
+
+/// Every wheel moves in every tick, which no stepper at 40 mm/s does: the dear case.
+fn counts(tick: Tick) -> [i64; 4] {
+    [tick as i64, 2 * tick as i64, tick as i64, 2 * tick as i64]
+}
+
+/// ns of the median round of `steps` steps from `first` on.
+fn cost_ns(
+    kind: EstimatorKind,
+    setup: EstimatorSetup,
+    first: Tick,
+    steps: Tick,
+    fix: impl Fn(Tick, WorldPose) -> Option<PoseFix>,
+) -> f64 {
+    let mut rounds: Vec<f64> = (0..ROUNDS)
+        .map(|_| {
+            let mut estimator = PoseEstimator::new(kind, setup);
+            let mut poses = Vec::new();
+            for tick in 0..first {
+                let inputs = EstimatorInputs { counts: &counts(tick), fixes: &[] };
+                poses.push(estimator.step(tick, inputs).pose());
+            }
+            let fixes: Vec<_> =
+                (first..first + steps).map(|tick| fix(tick, *poses.last().expect("some"))).collect();
+            let start = Instant::now();
+            for (tick, fix) in (first..).zip(&fixes) {
+                let inputs = EstimatorInputs { counts: &counts(tick), fixes: fix.as_slice() };
+                black_box(estimator.step(black_box(tick), inputs));
+            }
+            start.elapsed().as_nanos() as f64 / steps as f64
+        })
+        .collect();
+    rounds.sort_by(f64::total_cmp);
+    rounds[ROUNDS / 2]
+}
+
+fn main() {
+    let params = EkfParams::default();
+    // So that any fix is inside the gate.
+    let open = EkfParams { gate_sd: 100.0, camera_sd_m: 1.0, camera_sd_rad: 1.0, ..params };
+    for chassis in
+        [Chassis::Differential(DifferentialParams::default()), Chassis::Mecanum(MecanumParams::default())]
+    {
+        let start = WorldPose::default();
+        let setup = EstimatorSetup { chassis, count_rad: 1e-5, start, ekf: open };
+        println!("{}", chassis.name());
+        for kind in EstimatorKind::ALL {
+            let ns = cost_ns(kind, setup, 5000, 5000, |_, _| None);
+            println!("  {:<15} {ns:8.0} ns a tick without a fix", kind.name());
+        }
+        let taken = |captured_tick, tick, pose: WorldPose| PoseFix {
+            tick,
+            captured_tick,
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            theta_rad: pose.theta_rad,
+        };
+        let usual = cost_ns(EstimatorKind::Ekf, setup, 5000, 4000, |tick, pose| {
+            (tick % 40 == 0).then(|| taken(tick - 60, tick, pose))
+        });
+        let none = cost_ns(EstimatorKind::Ekf, setup, 5000, 4000, |_, _| None);
+        println!("  ekf             {:8.2} us a fix, 60 ticks late, every 40", 40.0 * (usual - none) / 1e3);
+        let oldest = cost_ns(EstimatorKind::Ekf, setup, 5000, 1, |tick, pose| {
+            Some(taken(tick - params.history_ticks, tick, pose))
+        });
+        let newest = cost_ns(EstimatorKind::Ekf, setup, 5000, 1, |tick, pose| Some(taken(tick, tick, pose)));
+        println!("  ekf             {:8.2} us a fix as old as the history of 2048", oldest / 1e3);
+        println!("  ekf             {:8.2} us a fix of now, the first in 2048 ticks", newest / 1e3);
+    }
+}
