@@ -195,9 +195,12 @@ wire_message! {
 
 wire_message! {
     /// Estimated pose of the robot.
-    Pose = "hilare/Pose/v1" {
-        /// Ticks executed when the pose held.
+    Pose = "hilare/Pose/v2" {
+        /// Ticks executed when the pose was reckoned.
         tick: u64,
+        /// Ticks executed when the robot was where it says: `tick`, or earlier where the pose is of a
+        /// picture that came late and is held.
+        measured_tick: u64,
         /// World x, m.
         x_m: f64,
         /// World y, m.
@@ -426,9 +429,9 @@ impl Steps {
 }
 
 impl Pose {
-    /// A pose at a tick.
+    /// A pose of the tick at which it was reckoned.
     pub const fn at(tick: Tick, pose: WorldPose) -> Self {
-        Self { tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
+        Self { tick, measured_tick: tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
     }
 
     /// As a geometric pose.

@@ -7,9 +7,9 @@ Writes services/pose_estimator/tests/data/ekf_reference.csv, which tests/referen
     f,tick,x,y,theta                       a fix, without delay
     r,tick,x,y,theta,s0,s1,s2,sd...        pose and scale errors given the fixes up to here, and their six sds
 
-No recursion and no linearised covariance: the unknowns are the start, the scale errors and the noise of every
-step of every wheel, all at once, and Gauss-Newton with derivatives by the complex step minimises the sum of squares of
-priors and fixes. In the linear case that is what a Kalman filter must give; here it nearly is.
+No recursion: the unknowns are the start, the scale errors and the noise of every step of every wheel, all at
+once, and Gauss-Newton with derivatives by the complex step minimises the sum of squares of priors and fixes.
+In the linear case that is what a Kalman filter must give; here it nearly is.
 
     pip install numpy; python3 tests/python/ekf_reference.py
 """

@@ -2,6 +2,7 @@
 
 use super::{Realtime, Supervision, System, realtime};
 use hilare_controller::LAWS;
+use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
@@ -298,7 +299,8 @@ impl Section {
     /// Its numbers and switches.
     pub(super) fn specs(self) -> &'static [ParamSpec] {
         match self {
-            Self::Top | Self::Controller => &[],
+            Self::Top => &[],
+            Self::Controller => PredictionParams::SPECS,
             Self::Estimator => EkfParams::SPECS,
             Self::Differential => DifferentialParams::SPECS,
             Self::Mecanum => MecanumParams::SPECS,
@@ -328,7 +330,8 @@ impl Section {
 
     fn group(self, system: &System) -> Option<&dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller => return None,
+            Self::Top => return None,
+            Self::Controller => &system.prediction,
             Self::Estimator => &system.ekf,
             Self::Differential | Self::Mecanum => &system.chassis,
             Self::Stepper | Self::Servo => &system.motors,
@@ -349,7 +352,8 @@ impl Section {
 
     fn group_mut(self, system: &mut System) -> Option<&mut dyn Group> {
         Some(match self {
-            Self::Top | Self::Controller => return None,
+            Self::Top => return None,
+            Self::Controller => &mut system.prediction,
             Self::Estimator => &mut system.ekf,
             Self::Differential | Self::Mecanum => &mut system.chassis,
             Self::Stepper | Self::Servo => &mut system.motors,
@@ -421,6 +425,7 @@ param_groups_are_groups!(
     MecanumPlantParams,
     CameraParams,
     EkfParams,
+    PredictionParams,
     Supervision
 );
 

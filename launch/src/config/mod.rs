@@ -29,6 +29,7 @@ pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
 
 use document::Document;
+use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams};
 use hilare_interfaces::geometry::WorldPose;
@@ -85,6 +86,8 @@ pub struct System {
     pub acceptance: Option<Acceptance>,
     /// Control law and its gains.
     pub controller: ControllerConfig,
+    /// How poses that come late are moved on.
+    pub prediction: PredictionParams,
     /// Where the pose comes from.
     pub estimator: EstimatorKind,
     /// What the Kalman filter assumes, if it is the estimator.
@@ -126,6 +129,7 @@ impl Default for System {
             tracking: Tracking::default(),
             acceptance: None,
             controller: ControllerConfig::default(),
+            prediction: PredictionParams::default(),
             estimator: EstimatorKind::ALL[0],
             ekf: EkfParams::default(),
             planner: PlannerSettings::default(),

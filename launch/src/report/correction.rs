@@ -66,7 +66,7 @@ impl Correction {
 }
 
 fn travel_m(rows: &[TraceRow]) -> f64 {
-    rows.windows(2).map(|pair| pair[0].truth.position().distance_m(pair[1].truth.position())).sum()
+    rows.windows(2).fold(0.0, |way, pair| way + pair[0].truth.position().distance_m(pair[1].truth.position()))
 }
 
 fn overshoots(rows: &[TraceRow], band_m: f64) -> u64 {

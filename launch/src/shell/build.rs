@@ -2,6 +2,7 @@
 
 use super::ClockKind;
 use crate::config::System;
+use hilare_controller::prediction::Prediction;
 use hilare_controller::{Built, Controller, Identity, LawSetup, TwistLimits};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
@@ -44,10 +45,9 @@ pub fn waypoint_selector(system: &System) -> WaypointSelector {
     WaypointSelector::new(system.tracking, system.acceptance())
 }
 
-/// The system's law, or which of its parameters is wrong.
-pub fn law(system: &System) -> Built {
-    let values = system.controller.values();
-    let setup = LawSetup {
+/// Makes something of what a law is built from.
+fn with_setup<T>(system: &System, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
+    make(&LawSetup {
         chassis: &system.chassis,
         limits: TwistLimits {
             v_min_mps: system.limits.v_min_mps,
@@ -57,16 +57,21 @@ pub fn law(system: &System) -> Built {
         acceptance_radius_m: system.tracking.acceptance_radius_m,
         acceptance: system.acceptance(),
         period_ticks: system.timing.period_ticks,
-        values: &values,
-    };
-    (system.controller.law.build)(&setup)
+        values: &system.controller.values(),
+    })
+}
+
+/// The system's law, or which of its parameters is wrong.
+pub fn law(system: &System) -> Built {
+    with_setup(system, system.controller.law.build)
 }
 
 /// The controller with the system's law.
 pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
     let built = law(system)
         .map_err(|(key, error)| format!("controller.{}.{key}: {error}", system.controller.law.name))?;
-    Ok(Controller::new(built, identity, system.timing.period_ticks))
+    let prediction = with_setup(system, |setup| Prediction::new(system.prediction, setup));
+    Ok(Controller::new(built, identity, system.timing.period_ticks, prediction))
 }
 
 /// The planner, with the system's map if it has one.
@@ -85,8 +90,7 @@ pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
 pub fn plant(system: &System) -> Result<Plant, String> {
     let robot = match (&system.chassis, &system.motors) {
         (Chassis::Differential(wheels), Motors::Stepper(stepper)) => {
-            let body =
-                stepper_drive::Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
+            let body = stepper_drive::Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
             Robot::StepperDrive(StepperDrive::new(body, system.plant.stepper_drive, system.start))
         }
         (Chassis::Differential(wheels), Motors::Servo(servo)) => {

@@ -7,6 +7,7 @@ mod handover;
 mod symmetry;
 
 use super::*;
+use crate::prediction::PredictionParams;
 use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{PREVIEW, Waypoint};
@@ -30,6 +31,7 @@ struct Case {
     spec: &'static LawSpec,
     chassis: Chassis,
     law: Box<dyn ControlLaw>,
+    prediction: Prediction,
 }
 
 impl Case {
@@ -43,7 +45,8 @@ impl Case {
             values: &[],
         };
         let law = (spec.build)(&setup).expect("defaults build");
-        Self { spec, chassis, law }
+        let prediction = Prediction::new(PredictionParams::default(), &setup);
+        Self { spec, chassis, law, prediction }
     }
 
     fn name(&self) -> String {
@@ -61,7 +64,7 @@ impl Case {
     }
 
     fn controller(self, source: u64) -> Controller {
-        Controller::new(self.law, Identity { source, epoch: 1 }, PERIOD)
+        Controller::new(self.law, Identity { source, epoch: 1 }, PERIOD, self.prediction)
     }
 }
 
@@ -118,7 +121,7 @@ fn every_law_can_drive_something() {
 #[test]
 fn commands_are_stamped_and_stand_still_without_a_path() {
     let case = every_case().next().expect("a law");
-    let mut controller = Controller::new(case.law, Identity { source: 2, epoch: 9 }, 5);
+    let mut controller = Controller::new(case.law, Identity { source: 2, epoch: 9 }, 5, case.prediction);
     let pose = Pose::at(20, WorldPose::new(0.0, 0.0, 0.0));
     let idle = controller.step(20, ControllerInputs { reference: &Reference::ZERO, pose: &pose });
     assert_eq!((idle.source, idle.epoch, idle.seq, idle.pose_tick, idle.effective_tick), (2, 9, 1, 20, 25));

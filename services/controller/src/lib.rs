@@ -6,6 +6,7 @@
 pub mod finite_step;
 pub mod kanayama;
 pub mod navigation_circle;
+pub mod prediction;
 pub mod pure_pursuit;
 pub mod qp;
 pub mod stanley;
@@ -17,6 +18,7 @@ use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::messages::{Command, Fallback, Pose, Reference, ReferenceState};
 use hilare_interfaces::params::{ParamError, ParamSpec};
+use prediction::Prediction;
 
 /// Every law that can be named.
 pub const LAWS: &[LawSpec] = &[
@@ -110,7 +112,7 @@ pub struct LawSetup<'a> {
 /// the current segment find the crab angles of the coming ones in the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct LawInputs<'a> {
-    /// Estimated pose, in the course frame.
+    /// Estimated pose, moved on to the present where it came late ([`prediction`]); in the course frame.
     pub pose: WorldPose,
     /// What to track.
     pub reference: &'a Reference,
@@ -181,20 +183,28 @@ pub struct Controller {
     seq: u64,
     path_id: u64,
     acting: BodyTwist,
+    prediction: Prediction,
     /// In force from a handover until the law's own command is reached.
     handover: Option<HandoverLimits>,
 }
 
 impl Controller {
-    /// A controller whose commands act `period_ticks` after their pose.
-    pub fn new(law: Box<dyn ControlLaw>, identity: Identity, period_ticks: u64) -> Self {
-        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO, handover: None }
+    /// A controller whose commands act `period_ticks` after their pose, for a robot that stands.
+    pub fn new(
+        law: Box<dyn ControlLaw>,
+        identity: Identity,
+        period_ticks: u64,
+        prediction: Prediction,
+    ) -> Self {
+        let acting = BodyTwist::ZERO;
+        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting, prediction, handover: None }
     }
 
     /// Takes over from a controller whose command `acting` acts: from there the commands approach the
     /// law's own no faster than `limits` allow.
     pub fn take_over(&mut self, acting: BodyTwist, limits: HandoverLimits) {
         self.acting = acting;
+        self.prediction.assume(acting);
         self.handover = Some(limits);
     }
 
@@ -242,11 +252,13 @@ impl Block for Controller {
             self.law.reset();
         }
         let output = if reference.state == ReferenceState::Tracking.code() {
-            self.ask(inputs.pose.pose(), reference)
+            self.ask(self.prediction.present(inputs.pose, tick), reference)
         } else {
             LawOutput::sound(BodyTwist::ZERO)
         };
         let twist = self.approach(output.twist);
+        // What was commanded last acts until this command does.
+        self.prediction.note(self.acting);
         self.acting = twist;
         self.seq += 1;
         Command {

@@ -113,11 +113,10 @@ impl Block for PoseEstimator {
 
     #[inline]
     fn step(&mut self, tick: Tick, inputs: EstimatorInputs<'_>) -> Pose {
-        let pose = match self {
-            Self::DeadReckoning(estimator) => estimator.step(tick, inputs.counts),
-            Self::Camera(estimator) => estimator.step(inputs.fixes),
-            Self::Ekf(estimator) => estimator.step(tick, inputs.counts, inputs.fixes),
-        };
-        Pose::at(tick, pose)
+        match self {
+            Self::DeadReckoning(estimator) => Pose::at(tick, estimator.step(tick, inputs.counts)),
+            Self::Camera(estimator) => estimator.step(tick, inputs.fixes),
+            Self::Ekf(estimator) => Pose::at(tick, estimator.step(tick, inputs.counts, inputs.fixes)),
+        }
     }
 }

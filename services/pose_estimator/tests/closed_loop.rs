@@ -1,4 +1,5 @@
 //! The estimate fed back: Kanayama's law round the paper's rectangle, with and without fixes.
+#![allow(clippy::disallowed_macros, reason = "what a test has measured is worth seeing")]
 
 mod support;
 
@@ -74,6 +75,23 @@ fn slip_from_step_to_step_and_scales_that_wander_change_little() {
     let blind = with(EstimatorKind::DeadReckoning, wrong);
     let fused = with(EstimatorKind::Ekf, wrong);
     assert!(3.0 * fused.cross_track_mm < blind.cross_track_mm);
+}
+
+#[test]
+fn a_rare_and_very_late_camera_is_enough() {
+    // Five fixes a second, half a second old: 20 mm behind; the track is 3 % off as well.
+    let wrong = Wrong { scale: [-0.05, 0.01, 0.03], ..SLIPPING };
+    let setup = differential(EkfParams::default());
+    let under = |kind: EstimatorKind| {
+        means(kind.name(), |seed| {
+            let camera = Camera::new(200, 500, (0.001, 0.005), Noise::new(2 * seed + 1));
+            drive_under(camera, kind, setup, wrong, seed)
+        })
+    };
+    let fused = under(EstimatorKind::Ekf);
+    let knowing = knowing(wrong);
+    assert!(fused.cross_track_mm < 1.1 * knowing.cross_track_mm);
+    assert!(fused.estimate_rms_mm < 0.6);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! Everything wrong with the robot is drawn from what the filter is told. Then the NEES of the pose,
 //! (p̂ − p)ᵀ P⁻¹ (p̂ − p), averaged over N runs, is χ² of 3 N degrees of freedom over N (Bar-Shalom, Li,
 //! Kirubarajan 2001, 5.4.2).
+#![allow(clippy::disallowed_macros, reason = "what a test has measured is worth seeing")]
 
 mod support;
 

@@ -1,5 +1,6 @@
-//! The filter beside a batch maximum-a-posteriori estimate of the same drive, which shares no formula with it:
-//! tests/python/ekf_reference.py.
+//! The filter beside a batch maximum-a-posteriori estimate of the same drive, which shares no formula
+//! with it: tests/python/ekf_reference.py.
+#![allow(clippy::disallowed_macros, reason = "what a test has measured is worth seeing")]
 
 mod support;
 

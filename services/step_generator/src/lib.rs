@@ -88,12 +88,13 @@ impl StepGenerator {
     fn next_twist(&mut self, tick: Tick) -> (BodyTwist, Drive) {
         let decision = self.gate.decide(tick);
         let twist = match decision.drive {
-            // A command acts for several ticks: constrain it once.
-            Drive::Command | Drive::Hold if decision.twist == self.commanded => self.constrained,
             Drive::Command | Drive::Hold => {
-                self.commanded = decision.twist;
-                self.constrained = self.limits.constrain(&self.chassis, decision.twist);
-                self.constrained
+                // A command acts for several ticks: constrain it once.
+                if decision.twist != self.commanded {
+                    self.commanded = decision.twist;
+                    self.constrained = self.limits.constrain(&self.chassis, decision.twist);
+                }
+                self.limits.ramp_to(self.twist, self.constrained)
             }
             Drive::EStop | Drive::Disarmed => BodyTwist::ZERO,
             Drive::Ramp | Drive::Stop | Drive::LeaseLost | Drive::PauseStop => {

@@ -19,6 +19,10 @@ param_group! {
         omega_min_radps: f64 = 0.0, "rad/s", 0.0, 50.0;
         /// Greatest yaw rate, ω_max.
         omega_max_radps: f64 = 0.747, "rad/s", 0.0, 50.0;
+        /// Greatest change of the linear velocity while driving; 0 for none, as in the paper.
+        accel_mps2: f64 = 0.0, "m/s^2", 0.0, 100.0;
+        /// Greatest change of the yaw rate while driving; 0 for none, as in the paper.
+        accel_radps2: f64 = 0.0, "rad/s^2", 0.0, 10000.0;
         /// Deceleration of a stop; the paper has none, a stepper loses steps without.
         stop_decel_mps2: f64 = 2.0, "m/s^2", 0.01, 100.0;
         /// Yaw deceleration of a stop.
@@ -58,6 +62,25 @@ impl Limits {
         } else {
             clamped
         }
+    }
+
+    /// `wanted` after one tick, starting from `from`: as near to it as the accelerations allow. Linear and
+    /// angular part each take their own way, so that a turn does not wait for the speed.
+    #[inline]
+    pub fn ramp_to(&self, from: BodyTwist, wanted: BodyTwist) -> BodyTwist {
+        let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
+        let turn = wanted.omega_radps - from.omega_radps;
+        let mut next = wanted;
+        let (most, change) = (self.accel_mps2 * TICK_S, libm::hypot(dx, dy));
+        if most > 0.0 && change > most {
+            next.vx_mps = from.vx_mps + dx / change * most;
+            next.vy_mps = from.vy_mps + dy / change * most;
+        }
+        let most = self.accel_radps2 * TICK_S;
+        if most > 0.0 && turn.abs() > most {
+            next.omega_radps = from.omega_radps + most.copysign(turn);
+        }
+        next
     }
 
     /// `twist` after one tick of decelerating along its own path, both rates within their limits.

@@ -255,3 +255,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn accelerations_are_bounded_where_they_are_asked_to_be() {
+    let limits = Limits { accel_mps2: 0.5, accel_radps2: 2.0, ..Limits::default() };
+    let mut twist = BodyTwist::ZERO;
+    let wanted = BodyTwist::new(0.04, 0.0, -0.7);
+    for tick in 1..=1000 {
+        let next = limits.ramp_to(twist, wanted);
+        assert!((next.vx_mps - twist.vx_mps).abs() <= 0.5e-3 + 1e-15);
+        assert!((next.omega_radps - twist.omega_radps).abs() <= 2e-3 + 1e-15);
+        twist = next;
+        if tick == 80 {
+            assert!((twist.vx_mps - 0.04).abs() < 1e-12 && twist.omega_radps > -0.17);
+        }
+    }
+    assert_eq!(twist, wanted);
+    assert_eq!(Limits::default().ramp_to(BodyTwist::ZERO, wanted), wanted, "none in the paper");
+    // Sideways, the vector changes along a straight line.
+    let next = limits.ramp_to(BodyTwist::new(0.3, 0.0, 0.0), BodyTwist::new(0.0, 0.3, 0.0));
+    assert!((libm::hypot(next.vx_mps - 0.3, next.vy_mps) - 0.5e-3).abs() < 1e-12 && next.vy_mps > 0.0);
+}

@@ -2,6 +2,7 @@
 //! with exact motion, the one-period latency of the real loop, and a pose that may be disturbed.
 #![allow(dead_code, reason = "every test and benchmark takes what it needs of it")]
 
+use hilare_controller::prediction::{Prediction, PredictionParams};
 use hilare_controller::{ControlLaw, Controller, ControllerInputs, Identity, LawSetup, TwistLimits, law};
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::Block;
@@ -83,7 +84,8 @@ impl Course {
         mut disturbance: Disturbance,
         mut watch: impl FnMut(&Reference, WorldPose, BodyTwist),
     ) -> Run {
-        let mut controller = Controller::new(law, Identity { source: 1, epoch: 1 }, PERIOD_TICKS);
+        let prediction = Prediction::new(PredictionParams::default(), &self.setup(&[]));
+        let mut controller = Controller::new(law, Identity { source: 1, epoch: 1 }, PERIOD_TICKS, prediction);
         let mut selector = Selector::new(self);
         let mut robot = self.start;
         let mut run = Run::new();

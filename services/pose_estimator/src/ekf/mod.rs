@@ -8,14 +8,14 @@
 //!
 //! A fix says where the robot was some ticks ago. The filter is led there through the counts in the
 //! ring, takes the fix in where it belongs, and its pose is carried forward through the counts since:
-//! the delay is not an approximation, only wheels between picture and present. Between fixes a tick costs one
-//! arc. With the scale errors (mean slip, unequal wheels, track) it learns what the fixes show of the
-//! odometry, so that the way carried forward is right too.
+//! the delay is no approximation. Between fixes a tick costs one arc. With the scale errors (mean slip,
+//! unequal wheels, track) it learns what the fixes show of the odometry, so that the way carried
+//! forward is right too.
 //!
-//! Fixes are believed as far as the counts allow. One that is out of the gate is an outlier; the pose
-//! does not move. But it starts a rival belief, and if the next fixes agree with the rival and not with
-//! the filter, `restart_after` of them in a row, the rival takes over: a robot that was carried away or did not start where it was
-//! thought to is found again, and a single wild fix, or a row of them that contradict each other, does nothing.
+//! A fix that is out of the gate is an outlier: the pose does not move. But it starts a rival belief,
+//! and if the next fixes agree with the rival and not with the filter, `restart_after` of them in a
+//! row, the rival takes over. So a robot that was carried away, or did not start where it was thought
+//! to, is found again, and a single wild fix, or a row of them that contradict each other, does nothing.
 //!
 //! The pose steps at a fix by what is learnt from it. It is not smoothed, since smoothing is a delay, and
 //! need not be: once the filter has settled, the default camera (1 mm) moves it by some hundredths of a
@@ -140,7 +140,8 @@ impl Ekf {
         &self.belief
     }
 
-    /// What is believed of the present tick, covariance included; not for the tick, it goes through the whole history.
+    /// What is believed of the present tick, covariance included. Not for the tick: it goes through the
+    /// whole history.
     pub fn present(&self) -> Belief {
         let mut belief = self.belief;
         for moved in self.history.moves() {

@@ -103,8 +103,7 @@ impl Motion {
     }
 }
 
-/// Where a displacement `d` leads from `pose`, the twist being constant on the way; the pose's derivative by the displacement
-/// comes with it.
+/// Where a displacement `d` leads from `pose`, the twist being constant on the way.
 ///
 /// ```text
 ///   h = d_θ/2     p' = p + sin(h)/h · R(θ + h) · (d_x, d_y)     θ' = θ + d_θ

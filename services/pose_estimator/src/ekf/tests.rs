@@ -81,7 +81,7 @@ fn a_late_fix_is_worth_as_much_as_a_prompt_one() {
         let taken = |captured: Tick| {
             let phase = captured as f64;
             let off = [1e-3 * libm::sin(phase), 2e-3 * libm::cos(3.0 * phase), 0.004];
-            let seen = captured % 50 == 0 && captured + DELAY < 6000;
+            let seen = captured.is_multiple_of(50) && captured + DELAY < 6000;
             seen.then(|| fix(truth[captured as usize], off, captured, tick))
         };
         prompt.step(tick, &counts(tick), taken(tick).as_slice());
@@ -245,7 +245,9 @@ proptest! {
     #[test]
     fn whatever_comes_the_pose_is_finite(
         messages in proptest::collection::vec(
-            (any::<(u64, [i64; 4])>(), 0u64..300, any::<bool>(), 0u64..200, (number(), number(), number())), 1..60),
+            (any::<(u64, [i64; 4])>(), 0u64..300, any::<bool>(), 0u64..200, (number(), number(), number())),
+            1..60,
+        ),
     ) {
         let mut ekf = ekf_with(EkfParams { history_ticks: 64, ..EkfParams::default() });
         let mut now = 0;

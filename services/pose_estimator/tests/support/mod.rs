@@ -189,7 +189,8 @@ impl Camera {
                 theta_rad: wrap_angle_rad(truth.theta_rad + self.sd.1 * self.noise.normal()),
             });
         }
-        self.under_way.pop_front_if(|fix| fix.tick <= tick)
+        let due = self.under_way.front().is_some_and(|fix| fix.tick <= tick);
+        if due { self.under_way.pop_front() } else { None }
     }
 }
 
