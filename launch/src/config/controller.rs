@@ -1,6 +1,6 @@
 //! Which law drives, and the parameters of every law.
 
-use super::keys::Group;
+use super::group::Group;
 use hilare_controller::{LAWS, LawSpec};
 use std::fmt;
 

@@ -1,12 +1,12 @@
 //! The table of keys: sections, and which parameter group each of them is.
 
-use super::{Realtime, Supervision, System, realtime};
+use super::group::Group;
+use super::{Supervision, System, realtime};
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
-use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
-use hilare_interfaces::geometry::WorldPose;
-use hilare_interfaces::motors::{Motors, ServoParams, StepperParams};
+use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
+use hilare_interfaces::motors::{ServoParams, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamGroup, ParamSpec};
 use hilare_interfaces::wires::Role;
@@ -23,7 +23,7 @@ use hilare_waypoint_selector::Tracking;
 use std::fmt;
 
 param_group! {
-    /// The table behind `[start]`; the values live in a [`WorldPose`].
+    /// The table behind `[start]`; the values live in a `WorldPose`.
     StartParams {
         /// World x the robot is assumed to start at.
         x_m: f64 = 0.0, "m", -MAX_COORDINATE_M, MAX_COORDINATE_M;
@@ -388,108 +388,4 @@ impl Section {
 /// Section and name in one.
 pub(super) fn join(section: &str, name: &str) -> String {
     if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") }
-}
-
-/// Values by name; whoever puts one has checked it and knows that it is there.
-pub(super) trait Group {
-    fn value(&self, name: &str) -> Option<f64>;
-    fn put(&mut self, name: &str, value: f64);
-}
-
-macro_rules! param_groups_are_groups {
-    ($($group:ty),*) => {
-        $(impl Group for $group {
-            fn value(&self, name: &str) -> Option<f64> {
-                self.get(name)
-            }
-
-            fn put(&mut self, name: &str, value: f64) {
-                let done = self.set(name, value);
-                debug_assert_eq!(done, Ok(()), "{name}");
-            }
-        })*
-    };
-}
-
-param_groups_are_groups!(
-    DifferentialParams,
-    MecanumParams,
-    StepperParams,
-    ServoParams,
-    Limits,
-    GateParams,
-    Tracking,
-    PlannerSettings,
-    StepperDriveParams,
-    DcServoParams,
-    MecanumPlantParams,
-    CameraParams,
-    EkfParams,
-    PredictionParams,
-    Supervision
-);
-
-impl Group for Chassis {
-    fn value(&self, name: &str) -> Option<f64> {
-        match self {
-            Self::Differential(params) => params.value(name),
-            Self::Mecanum(params) => params.value(name),
-        }
-    }
-
-    fn put(&mut self, name: &str, value: f64) {
-        match self {
-            Self::Differential(params) => params.put(name, value),
-            Self::Mecanum(params) => params.put(name, value),
-        }
-    }
-}
-
-impl Group for Motors {
-    fn value(&self, name: &str) -> Option<f64> {
-        match self {
-            Self::Stepper(params) => params.value(name),
-            Self::Servo(params) => params.value(name),
-        }
-    }
-
-    fn put(&mut self, name: &str, value: f64) {
-        match self {
-            Self::Stepper(params) => params.put(name, value),
-            Self::Servo(params) => params.put(name, value),
-        }
-    }
-}
-
-impl Group for WorldPose {
-    fn value(&self, name: &str) -> Option<f64> {
-        StartParams { x_m: self.x_m, y_m: self.y_m, theta_rad: self.theta_rad }.get(name)
-    }
-
-    fn put(&mut self, name: &str, value: f64) {
-        match name {
-            "x_m" => self.x_m = value,
-            "y_m" => self.y_m = value,
-            "theta_rad" => self.theta_rad = value,
-            _ => debug_assert!(false, "{name}"),
-        }
-    }
-}
-
-impl Group for Realtime {
-    fn value(&self, name: &str) -> Option<f64> {
-        match name {
-            "cpu" => Some(self.cpu as f64),
-            "priority" => Some(self.priority as f64),
-            _ => None,
-        }
-    }
-
-    fn put(&mut self, name: &str, value: f64) {
-        match name {
-            "cpu" => self.cpu = value as i64,
-            "priority" => self.priority = value as u64,
-            _ => debug_assert!(false, "{name}"),
-        }
-    }
 }

@@ -15,6 +15,7 @@ mod conflict;
 mod controller;
 mod document;
 mod error;
+mod group;
 mod keys;
 mod maps;
 mod realtime;

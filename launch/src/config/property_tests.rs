@@ -25,7 +25,7 @@ fn no_mutation_of_a_file_passes_silently() {
             key.section.fits(&System::default()) && (&*key.section(), key.name) == (&*section, name)
         };
         let key = keys().find(here).expect(line);
-        let mut wrong = vec![format!("{}x = {value}", &name[..name.len() - 1]), format!("{name} = nan")];
+        let mut wrong = vec![format!("{}q = {value}", &name[..name.len() - 1]), format!("{name} = nan")];
         match key.form {
             Form::Text(_) => wrong.push(format!("{name} = 1")),
             Form::Number(spec) => {
@@ -42,6 +42,7 @@ fn no_mutation_of_a_file_passes_silently() {
         for wrong in wrong {
             let mut lines = lines.clone();
             lines[index] = &wrong;
+
             let error = error(&lines.join("\n"));
             assert!(error.starts_with(&format!("robot.toml:{}: ", index + 1)), "{wrong}: {error}");
             assert!(error.contains(&name[..name.len() - 1]) && !error.contains('\n'), "{wrong}: {error}");

@@ -291,7 +291,7 @@ fn processes_on_the_tick_are_real_time_on_the_last_cpu() {
 fn files_that_cannot_be_read_are_one_line() {
     assert_eq!(
         System::load("epuk").unwrap_err().to_string(),
-        "unknown system \"epuk\"; did you mean \"epuck\"? built-in: epuck; or a path ending in .toml"
+        "unknown system \"epuk\"; did you mean \"epuck\"? built-in: epuck, cart, agv; or a path ending in .toml"
     );
     assert_eq!(
         System::load("nowhere/robot.toml").unwrap_err().to_string(),

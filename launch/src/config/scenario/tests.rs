@@ -50,7 +50,14 @@ const PATH: &str = "waypoints_m = [[0, 0], [1, 0]]\n";
 #[test]
 fn the_built_in_scenarios_start_where_the_paper_starts() {
     let expected = [("rectangle", 5, 2), ("rectangle-open", 4, 2), ("trapezoid", 5, 2), ("so", 43, 2)];
-    assert!(Scenario::builtin_names().eq(expected.map(|(name, ..)| name).into_iter().chain(["platform"])));
+    assert!(Scenario::builtin_names().eq(expected.map(|(name, ..)| name).into_iter().chain([
+        "platform",
+        "line-21deg",
+        "arc-102cm",
+        "agv-low",
+        "agv-high",
+        "agv-course"
+    ])));
     let platform = Scenario::load("platform").unwrap();
     assert_eq!(platform.task, Task::Reach(WorldPoint::new(0.7, 1.4)));
     assert!(platform.system.load_map().unwrap().is_some());
@@ -124,7 +131,7 @@ fn mistakes_are_one_line_with_their_place() {
         ("system = 3", "job.toml:1: system: the number 3 is not text; write it in quotes"),
         (
             "\nsystem = \"epuk\"",
-            "job.toml:2: unknown system \"epuk\"; did you mean \"epuck\"? built-in: epuck; or a path ending in .toml",
+            "job.toml:2: unknown system \"epuk\"; did you mean \"epuck\"? built-in: epuck, cart, agv; or a path ending in .toml",
         ),
         (
             "system = \"robot.toml\"",
@@ -238,7 +245,7 @@ fn unknown_names_are_answered_with_the_known_ones() {
     assert_eq!(
         Scenario::load("rectangel").unwrap_err().to_string(),
         "unknown scenario \"rectangel\"; did you mean \"rectangle\"? built-in: rectangle, rectangle-open, trapezoid, \
-         so, platform; or a path ending in .toml"
+         so, platform, line-21deg, arc-102cm, agv-low, agv-high, agv-course; or a path ending in .toml"
     );
 }
 

@@ -1,0 +1,117 @@
+//! Codes in messages: integers on the wire, enums inside, checked where they are decoded.
+
+/// Declares an enum with its wire code and a checked decode.
+macro_rules! code_enum {
+    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $code:literal, $label:literal;)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$vdoc])* $variant = $code,)* }
+
+        impl $name {
+            /// The code on the wire.
+            pub const fn code(self) -> u64 { self as u64 }
+
+            /// The meaning of a code, `None` if it has none.
+            pub const fn from_code(code: u64) -> Option<Self> {
+                match code { $($code => Some(Self::$variant),)* _ => None }
+            }
+
+            /// One word for people.
+            pub const fn label(self) -> &'static str {
+                match self { $(Self::$variant => $label,)* }
+            }
+        }
+    };
+}
+
+code_enum! {
+    /// What a goal asks for.
+    GoalKind {
+        /// Go to the one point of the payload.
+        Point = 1, "point";
+        /// Follow the payload's waypoints.
+        Follow = 2, "follow";
+    }
+}
+
+code_enum! {
+    /// What a reference says.
+    ReferenceState {
+        /// No path yet.
+        Idle = 0, "idle";
+        /// Under way to waypoint k.
+        Tracking = 1, "tracking";
+        /// The last waypoint was accepted.
+        Arrived = 2, "arrived";
+    }
+}
+
+code_enum! {
+    /// What the operator (through launch) wants the step generator to do.
+    Mode {
+        /// Outputs stay still until armed.
+        Disarmed = 0, "disarmed";
+        /// Commands of the source in authority act.
+        Armed = 1, "armed";
+        /// Ramp to a stop within the acceleration limit and stay.
+        Stop = 2, "stop";
+        /// Stop at once; latched until reset.
+        EStop = 3, "e-stop";
+    }
+}
+
+code_enum! {
+    /// What a law had to do without when it computed a command.
+    Fallback {
+        /// Nothing: the command is what the law is there for.
+        None = 0, "";
+        /// The solver stopped at its iteration cap; the best feasible plan at hand is used.
+        IterationCap = 1, "solver at its iteration cap: best feasible plan used";
+        /// The solver found no solution; the plan of the period before, inside the limits, is used.
+        Unsolved = 2, "problem not solved: plan of the period before used";
+        /// The robot is told to stand, or cannot drive or turn at all.
+        NoMotion = 3, "no speed or no yaw rate allowed: nothing to plan";
+        /// No plan within the limits reaches its end; the predictive law drives instead.
+        Infeasible = 4, "no plan within the limits: the predictive law drives";
+        /// The deviation is outside what the law is valid for; the predictive law drives instead.
+        OutsideValidity = 5, "deviation outside the law's validity: the predictive law drives";
+    }
+}
+
+code_enum! {
+    /// Why the wheels turn as they do.
+    Drive {
+        /// Not armed.
+        Disarmed = 0, "disarmed";
+        /// A command of its own cycle acts.
+        Command = 1, "driving";
+        /// Nothing new: the last command is held.
+        Hold = 2, "holding the last command";
+        /// Nothing for too long: ramping to zero, then still.
+        Ramp = 3, "stopping for want of commands";
+        /// Stop was asked for.
+        Stop = 4, "stopped";
+        /// Emergency stop.
+        EStop = 5, "e-stop";
+        /// Launch's lease ran out.
+        LeaseLost = 6, "stopped: launch is gone";
+        /// A single pause was longer than the policy allows.
+        PauseStop = 7, "stopped: paused for too long";
+    }
+}
+
+code_enum! {
+    /// State of a process.
+    HealthState {
+        /// Opening its ports.
+        Starting = 0, "starting";
+        /// Connected, waiting.
+        Ready = 1, "ready";
+        /// At work.
+        Running = 2, "running";
+        /// At work with less than it should have; the text says what.
+        Degraded = 3, "degraded";
+        /// Ended itself; the text says why.
+        Fault = 4, "fault";
+    }
+}
