@@ -12,9 +12,6 @@ use support::{Lab, Running, number, quick, text};
 const JOBS: [(&str, &str); 3] =
     [("differential", "rectangle"), ("differential", "arc-102cm"), ("mecanum", "agv-course")];
 
-/// Kanayama aims at the waypoint itself, which on a circle of 1 m at 1.5 m/s leads nowhere.
-const LOST: (&str, &str) = ("kanayama", "arc-102cm");
-
 fn pairs() -> impl Iterator<Item = (&'static LawSpec, &'static str)> {
     LAWS.iter().flat_map(|law| {
         JOBS.iter().filter(|(kind, _)| law.chassis.contains(kind)).map(move |(_, scenario)| (law, *scenario))
@@ -24,16 +21,14 @@ fn pairs() -> impl Iterator<Item = (&'static LawSpec, &'static str)> {
 fn run(lab: &Lab, scenario: &str, law: &str, clock: &str, more: &[&str]) -> Value {
     let robot = lab.robot_named(clock);
     let args = ["run", scenario, "--controller", law, "--clock", clock, "--json", "--robot", &robot];
-    let ended = lab.hilare(&[&args[..], more].concat());
-    let arrives = (law, scenario) != LOST;
-    let ended = ended.expect_code(i32::from(!arrives));
+    let ended = lab.hilare(&[&args[..], more].concat()).expect_code(0);
     serde_json::from_str(&ended.stdout).expect("--json answers in JSON, and nothing else")
 }
 
 #[test]
 fn in_lockstep_every_pair_ends_in_the_bits_of_one_thread() {
     let lab = Lab::new();
-    for (law, scenario) in pairs().filter(|(law, scenario)| (law.name, *scenario) != LOST) {
+    for (law, scenario) in pairs() {
         let [mut alone, mut together] =
             ["in-process", "lockstep"].map(|clock| run(&lab, scenario, law.name, clock, &[]));
         for summary in [&mut alone, &mut together] {

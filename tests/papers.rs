@@ -23,8 +23,7 @@ fn with<'a>(head: &[&'a str], set: &[&'a str]) -> Vec<&'a str> {
 fn paper_2_line_is_found_within_two_metres_and_held_within_a_centimetre() {
     let lab = Lab::new();
     for seed in 1..=5 {
-        let camera = format!("camera.seed={seed}");
-        let summary = run(&lab, &with(&["line-21deg"], &[&camera]));
+        let summary = run(&lab, &["line-21deg", "--seed", &seed.to_string()]);
         let correction = &summary["correction"];
         assert!(number(correction, "travel_m") <= 2.0, "seed {seed}: {correction}");
         assert!(number(correction, "steady_cross_track_m") <= 0.01, "seed {seed}: {correction}");
@@ -39,8 +38,7 @@ fn paper_2_arc_is_found_within_60_degrees_with_one_overshoot() {
     let lab = Lab::new();
     let sixty_degrees_m = 1.02 * 60.0 * DEGREE;
     for seed in 1..=5 {
-        let camera = format!("camera.seed={seed}");
-        let correction = run(&lab, &with(&["arc-102cm"], &[&camera]))["correction"].clone();
+        let correction = run(&lab, &["arc-102cm", "--seed", &seed.to_string()])["correction"].clone();
         assert!(number(&correction, "travel_m") <= sixty_degrees_m, "seed {seed}: {correction}");
         assert_eq!(correction["overshoots"], 1, "seed {seed}: {correction}");
         assert!(number(&correction, "steady_cross_track_m") <= 0.01, "seed {seed}: {correction}");
@@ -52,9 +50,8 @@ fn paper_3_deviations_are_gone_within_1_2_s_and_stay_within_2_mm_and_2_degrees()
     let lab = Lab::new();
     for scenario in ["agv-low", "agv-high"] {
         for seed in 1..=5 {
-            let (camera, plant) = (format!("camera.seed={seed}"), format!("plant.seed={seed}"));
-            let set = [&*camera, &plant, "plant.roller_slip_sd=0.02"];
-            let correction = run(&lab, &with(&[scenario], &set))["correction"].clone();
+            let head = [scenario, "--seed", &seed.to_string()];
+            let correction = run(&lab, &with(&head, &["plant.roller_slip_sd=0.02"]))["correction"].clone();
             let what = format!("{scenario}, seed {seed}: {correction}");
             assert!(number(&correction, "time_s") <= 1.2, "{what}");
             assert!(number(&correction, "steady_cross_track_m") <= 0.002, "{what}");
@@ -82,11 +79,10 @@ fn the_filter_is_three_times_nearer_than_dead_reckoning_and_no_worse_when_nothin
     let (mut wrong, mut right) = ((0.0, 0.0), (0.0, 0.0));
     let seeds = 10;
     for seed in 1..=seeds {
-        let (plant, camera) = (format!("plant.seed={seed}"), format!("camera.seed={seed}"));
-        for (sums, disturbances) in [(&mut wrong, &WRONG[..]), (&mut right, &[])] {
-            let set = [disturbances, &[&*plant, &*camera]].concat();
-            sums.0 += cross_track_m(&lab, &["rectangle"], &set);
-            sums.1 += cross_track_m(&lab, &["rectangle"], &[&set[..], &["estimator.kind=ekf"]].concat());
+        let head = ["rectangle", "--seed", &seed.to_string()];
+        for (sums, set) in [(&mut wrong, &WRONG[..]), (&mut right, &[])] {
+            sums.0 += cross_track_m(&lab, &head, set);
+            sums.1 += cross_track_m(&lab, &head, &[set, &["estimator.kind=ekf"]].concat());
         }
     }
     assert!(wrong.1 * 3.0 <= wrong.0, "dead reckoning {} m, filter {} m in {seeds} runs", wrong.0, wrong.1);

@@ -71,10 +71,10 @@ code_enum! {
         Unsolved = 2, "problem not solved: plan of the period before used";
         /// The robot is told to stand, or cannot drive or turn at all.
         NoMotion = 3, "no speed or no yaw rate allowed: nothing to plan";
-        /// No plan within the limits reaches its end; the predictive law drives instead.
-        Infeasible = 4, "no plan within the limits: the predictive law drives";
-        /// The deviation is outside what the law is valid for; the predictive law drives instead.
-        OutsideValidity = 5, "deviation outside the law's validity: the predictive law drives";
+        /// The law's own plan is not within the limits; the best plan that is drives instead.
+        Infeasible = 4, "no plan of its own within the limits: best bounded plan used";
+        /// The deviation is outside what the law's own plan is valid for; the best bounded plan drives.
+        OutsideValidity = 5, "deviation outside the law's validity: best bounded plan used";
     }
 }
 

@@ -1,6 +1,6 @@
 //! `hilare compare`: laws side by side on the same jobs.
 
-use super::run::{Drive, path_of, time_limit};
+use super::run::{Drive, path_of, seed_keys, time_limit};
 use super::{VerbResult, print, refused};
 use crate::config::{Published, Scenario};
 use crate::manager::Failure;
@@ -167,7 +167,7 @@ impl Job {
                 let mut system = self.scenario.system.clone();
                 let mut keys = vec![format!("controller.law={}", law.name)];
                 if seeds > 1 {
-                    keys.extend([format!("plant.seed={seed}"), format!("camera.seed={seed}")]);
+                    keys.extend(seed_keys(seed));
                 }
                 system.set_all(&keys).map_err(refused)?;
                 let mut robot = InProcess::new(&system, &waypoints).map_err(refused)?;

@@ -52,7 +52,7 @@ pub struct RunArgs {
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     pub(super) clock: ClockKind,
-    /// Seed of the simulated slip and start error
+    /// Seed of the simulated slip, start error and camera noise
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<u64>,
     /// Set a key of the system file, e.g. plant.slip_mean=0.03 (repeatable)
@@ -190,7 +190,7 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
         set_flag(system, "--controller", law, &[format!("controller.law={law}")])?;
     }
     if let Some(seed) = args.seed {
-        set_flag(system, "--seed", &seed.to_string(), &[format!("plant.seed={seed}")])?;
+        set_flag(system, "--seed", &seed.to_string(), &seed_keys(seed))?;
     }
     if let Some(robot) = &args.robot {
         set_flag(system, "--robot", robot, &[format!("robot={robot}")])?;
@@ -199,6 +199,11 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
         set_flag(system, "--start", start, &start_keys(start)?)?;
     }
     Ok(scenario)
+}
+
+/// The seeds of everything that is random.
+pub(super) fn seed_keys(seed: u64) -> [String; 2] {
+    [format!("plant.seed={seed}"), format!("camera.seed={seed}")]
 }
 
 /// Sets keys on behalf of a flag, whose name an error then bears.

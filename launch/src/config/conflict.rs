@@ -4,6 +4,7 @@ use super::System;
 use crate::shell::build;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
+use hilare_pose_estimator::EstimatorKind;
 
 /// Two or more keys that contradict each other.
 pub(super) struct Conflict {
@@ -29,6 +30,7 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| law_on_chassis(system))
         .or_else(|| plant_of_robot(system))
         .or_else(|| steps_a_tick(system))
+        .or_else(|| fixes_too_old(system))
         .or_else(|| law_of_parameters(system))
 }
 
@@ -71,6 +73,20 @@ fn plant_of_robot(system: &System) -> Option<Conflict> {
     }
     let what = "there is no simulated robot with Mecanum wheels on steppers; write motors.kind = \"servo\"";
     Some(Conflict::new(&[("chassis", "kind"), ("motors", "kind")], what.to_owned()))
+}
+
+/// The filter would have forgotten the odometry since every picture, and reckon dead in silence.
+fn fixes_too_old(system: &System) -> Option<Conflict> {
+    let (delay, history) = (system.camera.delay_ticks, system.ekf.history_ticks);
+    if system.estimator != EstimatorKind::Ekf || delay < history {
+        return None;
+    }
+    let what = format!(
+        "camera.delay_ticks {delay} is not below estimator.history_ticks {history}, so every fix would be too old to \
+         be used; raise history_ticks or lower delay_ticks"
+    );
+    let keys = [("camera", "delay_ticks"), ("estimator", "history_ticks"), ("estimator", "kind")];
+    Some(Conflict::new(&keys, what))
 }
 
 /// Parameters that are fine alone and of which the law can make nothing together, or with this robot.

@@ -183,6 +183,11 @@ fn values_that_contradict_each_other_are_refused_with_the_reason() {
              chassis.wheel_speed_max_left_radps to 6.5 rad/s or raise motors.step_length_m",
         ),
         (
+            "[estimator]\nkind = \"ekf\"\n[camera]\ndelay_ticks = 3000",
+            "4: camera.delay_ticks 3000 is not below estimator.history_ticks 2048, so every fix would be too old to \
+             be used; raise history_ticks or lower delay_ticks",
+        ),
+        (
             "[chassis]\nkind = \"mecanum\"",
             "2: controller.law \"kanayama\" drives differential chassis, not \"mecanum\"; choose another law or \
              chassis.kind",

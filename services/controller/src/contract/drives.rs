@@ -127,7 +127,7 @@ fn every_law_arrives() {
 }
 
 #[test]
-fn every_law_for_arcs_drives_round_a_stadium() {
+fn every_law_drives_round_a_stadium() {
     // Lines of 0.3 m and half circles of R = 0.15 m, both turning senses.
     let stadium = |side: f64| {
         let bend = |x_m, y_m| Waypoint { bulge: side, ..Waypoint::straight(x_m, y_m) };

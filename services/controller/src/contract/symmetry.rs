@@ -60,9 +60,8 @@ proptest! {
     #[test]
     fn a_mirrored_world_gives_mirrored_commands((pose, waypoints) in scenes()) {
         for mut case in every_case() {
-            let path = &waypoints;
-            let a = case.answer(pose, &reference(path));
-            let mirror = path.iter().map(mirrored).collect::<Vec<_>>();
+            let a = case.answer(pose, &reference(&waypoints));
+            let mirror = waypoints.iter().map(mirrored).collect::<Vec<_>>();
             let b = case.answer(WorldPose::new(pose.x_m, -pose.y_m, -pose.theta_rad), &reference(&mirror));
             let b = BodyTwist::new(b.vx_mps, -b.vy_mps, -b.omega_radps);
             prop_assert!(alike(a, b), "{}: {:?} {:?}", case.name(), a, b);
@@ -75,9 +74,8 @@ proptest! {
     ) {
         let motion = Motion { turn, x, y };
         for mut case in every_case() {
-            let path = &waypoints;
-            let a = case.answer(pose, &reference(path));
-            let there = path.iter().map(|waypoint| motion.waypoint(*waypoint)).collect::<Vec<_>>();
+            let a = case.answer(pose, &reference(&waypoints));
+            let there = waypoints.iter().map(|waypoint| motion.waypoint(*waypoint)).collect::<Vec<_>>();
             let b = case.answer(motion.pose(pose), &reference(&there));
             prop_assert!(alike(a, b), "{}: {:?} {:?}", case.name(), a, b);
         }
@@ -99,8 +97,8 @@ proptest! {
     ) {
         let omnidirectional = |case: &Case| case.chassis.is_omnidirectional();
         for case in every_case().filter(omnidirectional) {
-            let (name, path) = (case.name(), &waypoints);
-            let crabbed = path.iter().map(|w| Waypoint { crab_rad, ..*w }).collect::<Vec<_>>();
+            let name = case.name();
+            let crabbed = waypoints.iter().map(|w| Waypoint { crab_rad, ..*w }).collect::<Vec<_>>();
             let again = Case::new(case.spec, case.chassis);
             let command = |case: Case, pose, path: &[Waypoint]| {
                 let pose = Pose::at(0, pose);
@@ -108,7 +106,7 @@ proptest! {
                 twist.expect("finite").turned(pose.theta_rad)
             };
             // The crabbed robot points away from where the other one heads, by the crab angle.
-            let a = command(case, pose, path);
+            let a = command(case, pose, &waypoints);
             let b = command(again, WorldPose::new(pose.x_m, pose.y_m, pose.theta_rad - crab_rad), &crabbed);
             prop_assert!(alike(a, b), "{}: {:?} {:?}", name, a, b);
         }

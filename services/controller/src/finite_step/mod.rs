@@ -10,7 +10,7 @@
 //!              e_d │                  Δω   fall of e_θ                  v_τ κ − ω
 //! ```
 //!
-//! At each sample: the pose moved on to where the command will act ([`predict`]), its deviations, then the
+//! At each sample: the pose moved on to where the command will act, its deviations, then the
 //! shortest plan in closed form that keeps the constraint set (5) ([`plan`]); where there is none, the
 //! least-effort plan with hard bounds ([`constrained`]), and the answer says so. Twist and yaw rate are held
 //! until the next sample.
@@ -34,9 +34,9 @@
 
 pub mod constrained;
 pub mod plan;
-pub mod predict;
 mod sight;
 
+use crate::prediction::moved;
 use crate::{Built, ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec};
 use constrained::{LeastEffort, PerStep, Search};
 use hilare_interfaces::acceptance::Acceptance;
@@ -46,7 +46,6 @@ use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamError, ParamGroup};
 use plan::{Bounds, Deviation, FiniteStep, Model, STEPS_CAP, Turn};
-use predict::History;
 use sight::{Leg, Sight};
 
 param_group! {
@@ -72,8 +71,6 @@ param_group! {
         receding: bool = true, "", 0, 1;
         /// Without a plan in closed form, too, the turn takes as many steps as the way back.
         synchronous: bool = false, "", 0, 1;
-        /// How old a pose is when it comes, and the time constant of the drives: made good by prediction.
-        lag_s: f64 = 0.0, "s", 0.0, 0.5;
         /// Iteration cap of the solver.
         max_iterations: u64 = 50, "", 1, 200;
     }
@@ -88,7 +85,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Passed,
     // The timers of clarabel, where a plan has hard bounds.
     allocations: 1,
-    keeps_limits: false,
+    keeps_limits: true,
     params: FiniteStepParams::SPECS,
     build,
 };
@@ -144,11 +141,12 @@ pub struct FiniteStepLaw {
     yaw_max_radps: f64,
     /// Motor use of one m/s forwards, one sideways, one rad/s.
     motor: [f64; 3],
+    /// The control period, and how many of them a sample has.
+    period_s: f64,
     periods: u64,
     sample_s: f64,
     /// `None` only if clarabel refused the pattern; then the mean of the envelopes is the plan.
     solver: Option<LeastEffort>,
-    history: History,
     course: Option<Course>,
     leg: Option<Leg>,
     crab_rad: f64,
@@ -170,10 +168,10 @@ impl FiniteStepLaw {
             sideways_max_mps: params.sideways_max_mps.min(setup.limits.v_max_mps).min(0.5 / motor[1]),
             yaw_max_radps: setup.limits.omega_max_radps.min(0.5 / motor[2]),
             motor,
+            period_s,
             periods: periods.max(1),
             sample_s: periods.max(1) as f64 * period_s,
             solver: LeastEffort::new(params.fallback_steps_max as usize, params.max_iterations as u32),
-            history: History::new(period_s, params.lag_s),
             course: None,
             leg: None,
             crab_rad: 0.0,
@@ -285,9 +283,8 @@ impl FiniteStepLaw {
 impl ControlLaw for FiniteStepLaw {
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
         let crab_rad = inputs.reference.current.crab_rad;
-        self.history.see(inputs.pose, inputs.acting, crab_rad);
-        let pose = self.history.predict().unwrap_or(inputs.pose);
-        let sight = Sight::new(pose, inputs.reference);
+        // The command of this step acts a period from now.
+        let sight = Sight::new(moved(inputs.pose, inputs.acting, self.period_s), inputs.reference);
         let before = self.leg.replace(sight.leg);
         let changed = before.is_some_and(|leg| leg != sight.leg);
         let turned = before.is_some() && crab_rad != self.crab_rad;
@@ -303,12 +300,13 @@ impl ControlLaw for FiniteStepLaw {
     }
 
     fn reset(&mut self) {
-        self.history.clear();
         self.course = None;
         self.leg = None;
         self.left = 0;
     }
 }
 
+#[cfg(test)]
+mod agv;
 #[cfg(test)]
 mod tests;

@@ -16,6 +16,8 @@ use crate::TwistLimits;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{PREVIEW, Reference, Waypoint};
 
+/// Farther away than this a waypoint is taken for this far, m, so that squares stay numbers.
+const FAR_M: f64 = 1e9;
 /// Most legs a reference shows: the current one and one a coming waypoint.
 pub const MAX_LEGS: usize = PREVIEW + 1;
 /// Nearer to its centre than this an arc has no direction, turn radii.
@@ -200,7 +202,8 @@ impl Track {
     pub fn look(&mut self, reference: &Reference, pose: WorldPose, scale: &Scale, acceptance_m: f64) {
         let (sin, cos) = libm::sincos(pose.theta_rad);
         let local = |waypoint: Waypoint| {
-            let (dx, dy) = (waypoint.x_m - pose.x_m, waypoint.y_m - pose.y_m);
+            let dx = (waypoint.x_m - pose.x_m).clamp(-FAR_M, FAR_M);
+            let dy = (waypoint.y_m - pose.y_m).clamp(-FAR_M, FAR_M);
             Vector::new((cos * dx + sin * dy) / scale.radius_m, (cos * dy - sin * dx) / scale.radius_m)
         };
         self.acceptance = acceptance_m / scale.radius_m;
