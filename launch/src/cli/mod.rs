@@ -7,6 +7,7 @@ mod compare;
 mod diagram;
 mod doctor;
 mod ending;
+mod fit;
 mod operate;
 mod plan;
 mod run;
@@ -86,6 +87,12 @@ enum Verb {
         hilare plan --map platform.json --json\nExit codes: 0 a path was found, 1 there is none (the reason is given), 2 wrong use or bad input."
     )]
     Plan(plan::PlanArgs),
+    /// Fit a curve by the fewest lines and arcs
+    #[command(
+        after_help = "Examples:\n  hilare fit curve.csv --tolerance 0.002 --out path.csv && hilare run --path path.csv\n  \
+        hilare fit curve.csv --tolerance 0.005 --tangent --json\nExit codes: 0 fitted, 2 wrong use, bad input or no such fit (the reason is given)."
+    )]
+    Fit(fit::FitArgs),
     /// Run several control laws on the same scenarios and compare them
     #[command(
         after_help = "Examples:\n  hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
@@ -134,6 +141,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Follow(args)) => operate::follow(&args),
         Some(Verb::Goal(args)) => operate::goal(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
+        Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),

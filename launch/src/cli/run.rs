@@ -145,7 +145,8 @@ pub(super) fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<Wayp
                 let index = why.index().unwrap_or_default();
                 refused(format!("{}: waypoint {}: {why}", scenario.name, index + 1))
             })?;
-            Ok(waypoints.clone())
+            let navigator = build::navigator_on(None, system);
+            navigator.fitted(waypoints.clone()).map_err(|why| refused(format!("{}: {why}", scenario.name)))
         }
         Task::Reach(goal) => build::navigator_on(map, system)
             .path(GoalKind::Point, &[Waypoint::from(*goal)], system.start.position(), &mut Unlimited)

@@ -7,7 +7,7 @@ use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::motors::{Motors, ServoParams, StepperParams};
 use hilare_interfaces::params::ParamGroup;
-use hilare_planner::PlannerSettings;
+use hilare_planner::{FitSettings, PlannerSettings};
 use hilare_plant::camera::CameraParams;
 use hilare_plant::dc_servo::DcServoParams;
 use hilare_plant::mecanum::MecanumPlantParams;
@@ -47,6 +47,7 @@ param_groups_are_groups!(
     GateParams,
     Tracking,
     PlannerSettings,
+    FitSettings,
     StepperDriveParams,
     DcServoParams,
     MecanumPlantParams,

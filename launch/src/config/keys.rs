@@ -10,7 +10,7 @@ use hilare_interfaces::motors::{ServoParams, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamGroup, ParamSpec};
 use hilare_interfaces::wires::Role;
-use hilare_planner::{MAX_COORDINATE_M, PlannerSettings};
+use hilare_planner::{FitSettings, MAX_COORDINATE_M, PlannerSettings};
 use hilare_plant::camera::CameraParams;
 use hilare_plant::dc_servo::DcServoParams;
 use hilare_plant::mecanum::MecanumPlantParams;
@@ -198,6 +198,7 @@ pub(super) enum Section {
     Law(usize),
     Estimator,
     Planner,
+    Fit,
     StepperDrive,
     DcServo,
     MecanumServo,
@@ -214,7 +215,7 @@ impl Section {
         let head = [Top, Differential, Mecanum, Stepper, Servo, Limits, Timing, Tracking, Controller];
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
-            .chain([Estimator, Planner, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
+            .chain([Estimator, Planner, Fit, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -249,6 +250,7 @@ impl Section {
             Self::Law(index) => format!("controller.{}", LAWS[index].name),
             Self::Estimator => "estimator".to_owned(),
             Self::Planner => "planner".to_owned(),
+            Self::Fit => "planner.fit".to_owned(),
             Self::StepperDrive | Self::DcServo | Self::MecanumServo => "plant".to_owned(),
             Self::Camera => "camera".to_owned(),
             Self::Start => "start".to_owned(),
@@ -311,6 +313,7 @@ impl Section {
             Self::Tracking => Tracking::SPECS,
             Self::Law(index) => LAWS[index].params,
             Self::Planner => PlannerSettings::SPECS,
+            Self::Fit => FitSettings::SPECS,
             Self::StepperDrive => StepperDriveParams::SPECS,
             Self::DcServo => DcServoParams::SPECS,
             Self::MecanumServo => MecanumPlantParams::SPECS,
@@ -340,6 +343,7 @@ impl Section {
             Self::Tracking => &system.tracking,
             Self::Law(index) => &system.controller.laws[index],
             Self::Planner => &system.planner,
+            Self::Fit => &system.fit,
             Self::StepperDrive => &system.plant.stepper_drive,
             Self::DcServo => &system.plant.dc_servo,
             Self::MecanumServo => &system.plant.mecanum,
@@ -362,6 +366,7 @@ impl Section {
             Self::Tracking => &mut system.tracking,
             Self::Law(index) => &mut system.controller.laws[index],
             Self::Planner => &mut system.planner,
+            Self::Fit => &mut system.fit,
             Self::StepperDrive => &mut system.plant.stepper_drive,
             Self::DcServo => &mut system.plant.dc_servo,
             Self::MecanumServo => &mut system.plant.mecanum,

@@ -37,7 +37,7 @@ use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::motors::{Motors, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::wires::Role;
-use hilare_planner::{Map, PlannerSettings};
+use hilare_planner::{FitSettings, Map, PlannerSettings};
 use hilare_plant::camera::CameraParams;
 use hilare_plant::dc_servo::DcServoParams;
 use hilare_plant::mecanum::MecanumPlantParams;
@@ -95,6 +95,8 @@ pub struct System {
     pub ekf: EkfParams,
     /// How goals become paths.
     pub planner: PlannerSettings,
+    /// How paths become lines and arcs.
+    pub fit: FitSettings,
     /// Map to plan on: a built-in name or a file; empty for none.
     pub map: String,
     /// The simulated robots; [`Self::chassis`] and [`Self::motors`] say which one it is.
@@ -134,6 +136,7 @@ impl Default for System {
             estimator: EstimatorKind::ALL[0],
             ekf: EkfParams::default(),
             planner: PlannerSettings::default(),
+            fit: FitSettings::default(),
             map: keys::MAP.default.to_owned(),
             plant: PlantParams::default(),
             camera: CameraParams::default(),

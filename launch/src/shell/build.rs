@@ -83,7 +83,7 @@ pub fn navigator(system: &System) -> Result<Navigator, String> {
 /// The planner on a map that is loaded already.
 pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
     let radius_m = system.tracking.acceptance_radius_m;
-    Navigator::new(map, &system.planner, radius_m, system.chassis.is_omnidirectional())
+    Navigator::new(map, &system.planner, system.fit, radius_m, system.chassis.is_omnidirectional())
 }
 
 /// The simulated robot.

@@ -40,8 +40,10 @@ impl PlannerProcess {
             _ => Vec::new(),
         };
         let system = &worker.system;
+        let navigator = build::navigator(system)?;
+        let first = if first.is_empty() { first } else { navigator.fitted(first)? };
         Ok(Self {
-            navigator: build::navigator(system)?,
+            navigator,
             goal: worker.domain.slice_input(&wires::GOAL)?,
             pose: worker.domain.newest(&wires::POSE)?,
             path: worker.domain.slice_output(&wires::PATH)?,

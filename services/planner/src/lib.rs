@@ -48,6 +48,7 @@ mod budget;
 mod check;
 pub mod clearance;
 mod fine;
+pub mod fit;
 pub mod goal;
 mod links;
 pub mod map;
@@ -64,6 +65,7 @@ mod waypoints;
 pub use budget::{Budget, Deadline, Unlimited};
 pub use check::Border;
 pub use clearance::ClearanceField;
+pub use fit::{Fit, FitError, FitSettings, fit};
 pub use goal::{
     MAX_COORDINATE_M, MIN_SPACING_M, PathRefusal, check_crab, check_goal, check_path, direct_path,
 };

@@ -1,7 +1,7 @@
 //! From a goal to a path, with or without a map: what the planner process asks.
 
 use crate::goal::{check_crab, check_goal, check_path, direct_path};
-use crate::{Budget, ClearanceField, Map, Plan, Planner, PlannerSettings, Refusal};
+use crate::{Budget, ClearanceField, FitSettings, Map, Plan, Planner, PlannerSettings, Refusal, fit};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::messages::{GoalKind, MAX_WAYPOINTS, Waypoint};
 
@@ -11,20 +11,22 @@ pub struct Navigator {
     planner: Option<Planner>,
     acceptance_radius_m: f64,
     omnidirectional: bool,
+    fit: FitSettings,
     plan: Plan,
 }
 
 impl Navigator {
     /// For a robot that takes a waypoint as reached within `acceptance_radius_m`, and can move sideways or
-    /// not.
+    /// not; paths are fitted by lines and arcs where `fit` asks for it.
     pub fn new(
         map: Option<&Map>,
         settings: &PlannerSettings,
+        fit: FitSettings,
         acceptance_radius_m: f64,
         omnidirectional: bool,
     ) -> Self {
         let planner = map.map(|map| Planner::new(ClearanceField::new(map), settings.params()));
-        Self { planner, acceptance_radius_m, omnidirectional, plan: Plan::default() }
+        Self { planner, acceptance_radius_m, omnidirectional, fit, plan: Plan::default() }
     }
 
     /// The path from `robot` for a goal, or why there is none: one line for people.
@@ -41,7 +43,8 @@ impl Navigator {
         check_crab(waypoints, self.omnidirectional).map_err(|e| e.to_string())?;
         let (Some(planner), GoalKind::Point, Some(goal)) = (&mut self.planner, kind, waypoints.first())
         else {
-            return direct_path(kind, waypoints, robot, self.acceptance_radius_m).map_err(|e| e.to_string());
+            let path = direct_path(kind, waypoints, robot, self.acceptance_radius_m);
+            return self.fitted(path.map_err(|e| e.to_string())?);
         };
         check_goal(goal.point(), robot, self.acceptance_radius_m).map_err(|e| e.to_string())?;
         planner
@@ -52,7 +55,18 @@ impl Navigator {
         }
         let path: Vec<Waypoint> = self.plan.waypoints.iter().map(|point| Waypoint::from(*point)).collect();
         check_path(&path).map_err(|e| e.to_string())?;
-        Ok(path)
+        self.fitted(path)
+    }
+
+    /// The path in lines and arcs, if the settings ask for it and it has none of its own; or why that
+    /// cannot be: one line for people.
+    pub fn fitted(&self, path: Vec<Waypoint>) -> Result<Vec<Waypoint>, String> {
+        let drawn = |waypoint: &Waypoint| waypoint.bulge != 0.0 || waypoint.crab_rad != 0.0;
+        if self.fit.tolerance_m == 0.0 || path.iter().any(drawn) {
+            return Ok(path);
+        }
+        let points: Vec<WorldPoint> = path.iter().map(|waypoint| waypoint.point()).collect();
+        fit(&points, &self.fit).map(|fitted| fitted.waypoints).map_err(|e| e.to_string())
     }
 
     /// The planner, if there is a map.
@@ -92,7 +106,7 @@ mod tests {
     #[test]
     fn a_point_behind_a_wall_is_reached_around_it_and_followed_waypoints_are_not_second_guessed() {
         let settings = PlannerSettings { robot_radius_m: 0.2, spacing_m: 0.3, ..PlannerSettings::default() };
-        let mut navigator = Navigator::new(Some(&walled()), &settings, 0.05, false);
+        let mut navigator = Navigator::new(Some(&walled()), &settings, FitSettings::default(), 0.05, false);
         let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
         let path = navigator.path(GoalKind::Point, &[goal.into()], robot, &mut Unlimited).unwrap();
         assert!(path.len() > 5 && path[0].point() == robot && path[path.len() - 1].point() == goal);
@@ -107,11 +121,26 @@ mod tests {
 
     #[test]
     fn without_a_map_a_point_is_a_straight_line() {
-        let mut navigator = Navigator::new(None, &PlannerSettings::default(), 0.05, false);
+        let mut navigator =
+            Navigator::new(None, &PlannerSettings::default(), FitSettings::default(), 0.05, false);
         let (robot, goal) = (WorldPoint::new(1.0, 1.0), WorldPoint::new(3.0, 1.0));
         assert_eq!(
             navigator.path(GoalKind::Point, &[goal.into()], robot, &mut Unlimited).unwrap(),
             [robot.into(), goal.into()]
         );
+    }
+
+    #[test]
+    fn where_asked_for_paths_come_in_lines_and_arcs_and_drawn_ones_stay() {
+        let settings = FitSettings { tolerance_m: 0.002, ..FitSettings::default() };
+        let mut navigator = Navigator::new(None, &PlannerSettings::default(), settings, 0.05, false);
+        let circle: Vec<Waypoint> = (0..=60)
+            .map(|n| Waypoint::straight(libm::cos(f64::from(n) * 0.1), libm::sin(f64::from(n) * 0.1)))
+            .collect();
+        let start = circle[0].point();
+        let fitted = navigator.path(GoalKind::Follow, &circle, start, &mut Unlimited).unwrap();
+        assert!(fitted.len() <= 4 && fitted[1].bulge > 0.0, "{fitted:?}");
+        let drawn = [circle[0], Waypoint { bulge: 0.5, ..circle[9] }, circle[20], circle[21]];
+        assert_eq!(navigator.path(GoalKind::Follow, &drawn, start, &mut Unlimited).unwrap(), drawn);
     }
 }

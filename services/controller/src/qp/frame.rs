@@ -96,6 +96,10 @@ pub struct Leg {
     pub tangent: Vector,
     /// The waypoint at its end.
     pub end: Vector,
+    /// Length along it, turn radii.
+    pub length: f64,
+    /// Direction of travel minus heading on it, rad.
+    pub crab: f64,
     /// Curvature, positive to the left, in 1/R; 0 for a line.
     pub curvature: f64,
     /// Centre, radius and sweep (positive to the left, rad); `None` for a line.
@@ -121,7 +125,7 @@ impl Leg {
         if bulge != 0.0 {
             return Self::arc(from, to, bulge, normal);
         }
-        Self { normal, offset: normal.dot(from), tangent, end: to, ..Self::default() }
+        Self { normal, offset: normal.dot(from), tangent, end: to, length, ..Self::default() }
     }
 
     /// `left`: unit vector to the left of the chord.
@@ -132,7 +136,8 @@ impl Leg {
         let centre = from.plus(to.minus(from), 0.5).plus(left, height);
         let curvature = 4.0 * bulge / (chord * (1.0 + bulge * bulge));
         let arc = Arc { centre, radius: 1.0 / curvature.abs(), sweep: 4.0 * libm::atan(bulge) };
-        let mut leg = Self { end: to, curvature, arc: Some(arc), ..Self::default() };
+        let length = arc.radius * arc.sweep.abs();
+        let mut leg = Self { end: to, length, curvature, arc: Some(arc), ..Self::default() };
         leg.tangent = leg.tangent_at(to);
         leg
     }
@@ -167,8 +172,16 @@ impl Leg {
         Vector::new(normal.y, -normal.x)
     }
 
+    /// The place `distance` before its end, along the line or round the circle, and the direction there.
+    pub fn before_end(&self, distance: f64) -> (Vector, Vector) {
+        let Some(arc) = self.arc else { return (self.end.plus(self.tangent, -distance), self.tangent) };
+        let (sin, cos) = libm::sincos(-distance * self.curvature);
+        let turned = |v: Vector| Vector::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y);
+        (arc.centre.plus(turned(self.end.minus(arc.centre)), 1.0), turned(self.tangent))
+    }
+
     /// How far `point` lies behind the leg's end, along the leg; negative before it.
-    fn beyond_end(&self, point: Vector) -> f64 {
+    pub fn beyond_end(&self, point: Vector) -> f64 {
         let Some(arc) = self.arc else { return point.minus(self.end).dot(self.tangent) };
         // From the end back to the point, seen from the centre, in the sense of the arc; a place is
         // behind the end up to half a turn from the arc's middle.
@@ -212,21 +225,20 @@ impl Track {
         self.len = 0;
         for waypoint in reference.ahead() {
             let to = local(*waypoint);
-            let leg = Leg::between(from, to, waypoint.bulge, before);
+            let leg = Leg { crab: waypoint.crab_rad, ..Leg::between(from, to, waypoint.bulge, before) };
             (from, before) = (to, leg.tangent);
             self.legs[self.len] = leg;
             self.len += 1;
         }
-        self.turn_back_if_missed();
     }
 
-    /// A waypoint that lies behind outside its circle is never accepted by going on: then the leg to
-    /// follow is the line from here to it.
-    fn turn_back_if_missed(&mut self) {
+    /// A waypoint that lies more than `most` behind outside its circle is never accepted by going on:
+    /// then the leg to follow is the line from here to it.
+    pub fn turn_back_if_missed(&mut self, most: f64) {
         let first = &mut self.legs[0];
         let robot = Vector::default();
-        if first.beyond_end(robot) > self.acceptance {
-            *first = Leg::between(robot, first.end, 0.0, first.tangent);
+        if first.beyond_end(robot) > most && first.end.norm() > self.acceptance {
+            *first = Leg { crab: first.crab, ..Leg::between(robot, first.end, 0.0, first.tangent) };
         }
     }
 

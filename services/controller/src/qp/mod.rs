@@ -29,6 +29,7 @@
 
 pub mod frame;
 pub mod model;
+pub mod omni;
 pub mod rollout;
 pub mod solver;
 pub mod weights;
@@ -43,14 +44,15 @@ use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
 use model::Model;
+use omni::Omni;
 use rollout::{Grid, Plan, Rollout};
-use solver::{Bounds, Solver, StageBounds};
+use solver::{Bounds, Numbers, Solver, StageBounds};
 use weights::Weights;
 
 param_group! {
     /// Prices and bounds of the predictive law.
     QpParams {
-        /// Cross-track error that one unit of speed error is worth, λ: m per m/s.
+        /// Differential: cross-track error that one unit of speed error is worth, λ: m per m/s.
         speed_price_s: f64 = 1.25, "s", 0.01, 100.0;
         /// Cross-track error below which it counts quadratically, δ.
         knee_m: f64 = 0.0005, "m", 1e-5, 0.1;
@@ -64,6 +66,12 @@ param_group! {
         end_heading: f64 = 2.0, "", 0.0, 100.0;
         /// Price of a changing curvature.
         smooth: f64 = 1e-5, "", 0.0, 10.0;
+        /// Mecanum: the same for its speed along the path.
+        pace_price_s: f64 = 0.1, "s", 0.001, 100.0;
+        /// Mecanum: cross-track error that one radian of heading error is worth.
+        heading_price_m: f64 = 0.05, "m", 1e-4, 10.0;
+        /// Mecanum: time constant with which an error is taken out.
+        settle_s: f64 = 0.1, "s", 0.001, 10.0;
         /// Greatest change of speed.
         accel_mps2: f64 = 2.0, "m/s^2", 0.01, 100.0;
         /// Greatest change of yaw rate.
@@ -78,7 +86,7 @@ pub const SPEC: LawSpec = LawSpec {
     name: "qp",
     title: "predictive law with all limits inside, a QP a period",
     source: "hilare, spec 4; solver: Goulart & Chen 2024 (clarabel)",
-    chassis: &["differential"],
+    chassis: &["differential", "mecanum"],
     acceptance: Acceptance::Bisector,
     // The timers of clarabel.
     allocations: 1,
@@ -92,7 +100,10 @@ fn build(setup: &LawSetup<'_>) -> Built {
     for (name, value) in setup.values {
         params.set(name, *value).map_err(|error| (*name, error))?;
     }
-    Ok(Box::new(Qp::new(setup, params)))
+    Ok(match setup.chassis {
+        Chassis::Differential(_) => Box::new(Qp::new(setup, params)),
+        Chassis::Mecanum(robot) => Box::new(Omni::new(setup, *robot, params)),
+    })
 }
 
 /// Slowest planned speed as a share of the fastest: the plan counts travel, so it cannot stand.
@@ -149,6 +160,11 @@ impl Qp {
     /// Interior-point iterations of the last step.
     pub fn iterations(&self) -> u32 {
         self.iterations
+    }
+
+    /// The last problem in numbers; its first input is 1/z_0, k_0/z_0.
+    pub fn numbers(&self) -> Option<Numbers<'_>> {
+        self.solver.as_ref().map(Solver::numbers)
     }
 
     fn bounds(&self, scale: &Scale, acting: BodyTwist) -> Bounds {
@@ -250,6 +266,7 @@ impl ControlLaw for Qp {
         }
         self.scale = Some(scale);
         self.track.look(inputs.reference, start, &scale, self.acceptance_m);
+        self.track.turn_back_if_missed(self.track.acceptance);
         let bounds = self.bounds(&scale, inputs.acting);
         let cost = self.choose_start(&weights, travelled);
         let fallback = self.improve(&weights, &bounds, cost);
@@ -266,8 +283,12 @@ impl ControlLaw for Qp {
 fn moved(pose: WorldPose, twist: BodyTwist, time_s: f64) -> WorldPose {
     let turn = twist.omega_radps * time_s;
     let (sin, cos) = libm::sincos(pose.theta_rad + turn / 2.0);
-    let way = twist.vx_mps * time_s;
-    WorldPose::new(pose.x_m + way * cos, pose.y_m + way * sin, pose.theta_rad + turn)
+    let (way, aside) = (twist.vx_mps * time_s, twist.vy_mps * time_s);
+    WorldPose::new(
+        pose.x_m + (way * cos - aside * sin),
+        pose.y_m + (way * sin + aside * cos),
+        pose.theta_rad + turn,
+    )
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeCone
 use hilare_interfaces::messages::Fallback;
 
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
-const TOLERANCE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-10;
 
 /// Bounds of one stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,10 +68,27 @@ pub struct Outcome {
 pub struct Solver {
     inner: DefaultSolver<f64>,
     rows: usize,
-    hessian: Vec<f64>,
+    hessian: CscMatrix<f64>,
     gradient: Vec<f64>,
-    matrix: Vec<f64>,
+    matrix: CscMatrix<f64>,
     bound: Vec<f64>,
+}
+
+/// The last problem in numbers: ½ xᵀPx + qᵀx with A x ≤ b, P's upper triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Numbers<'a> {
+    /// P.
+    pub hessian: &'a CscMatrix<f64>,
+    /// q.
+    pub gradient: &'a [f64],
+    /// A.
+    pub matrix: &'a CscMatrix<f64>,
+    /// b.
+    pub bound: &'a [f64],
+    /// x, as it was solved.
+    pub solution: &'a [f64],
+    /// So many of the first rows are equations.
+    pub equations: usize,
 }
 
 impl Solver {
@@ -91,8 +108,7 @@ impl Solver {
             places.extend(if j < STAGES { 0..=j } else { j..=j });
             columns.push(places.len());
         }
-        let start = identity();
-        let hessian = CscMatrix::new(variables, variables, columns, places, start.clone());
+        let hessian = CscMatrix::new(variables, variables, columns, places, identity());
         let matrix = pattern(rows);
         let bound = vec![1.0; rows * STAGES];
         let gradient = vec![0.0; variables];
@@ -104,8 +120,8 @@ impl Solver {
             presolve_enable: false,
             input_sparse_dropzeros: false,
             equilibrate_enable: false,
-            tol_gap_abs: tolerance,
-            tol_gap_rel: tolerance,
+            tol_gap_abs: 0.01 * tolerance,
+            tol_gap_rel: 0.01 * tolerance,
             tol_feas: tolerance,
             iterative_refinement_enable: false,
             ..DefaultSettings::default()
@@ -114,16 +130,16 @@ impl Solver {
         let mut inner = DefaultSolver::new(&hessian, &gradient, &matrix, &bound, &cones, settings).ok()?;
         // The first solve allocates more than the later ones (one, clarabel's timers).
         inner.solve();
-        Some(Self { inner, rows, hessian: start, gradient, matrix: matrix.nzval, bound })
+        Some(Self { inner, rows, hessian, gradient, matrix, bound })
     }
 
     /// Solves; the plan is left as it was unless the solver converged or ran into its iteration cap,
     /// and finite numbers came back.
     pub fn solve(&mut self, model: &Model, bounds: &Bounds, plan: &mut Plan) -> Outcome {
         self.write(model, bounds);
-        let updated = self.inner.update_P(&self.hessian).is_ok()
+        let updated = self.inner.update_P(&self.hessian.nzval).is_ok()
             && self.inner.update_q(&self.gradient).is_ok()
-            && self.inner.update_A(&self.matrix).is_ok()
+            && self.inner.update_A(&self.matrix.nzval).is_ok()
             && self.inner.update_b(&self.bound).is_ok();
         if !updated {
             return Outcome { fallback: Fallback::Unsolved, iterations: 0 };
@@ -138,17 +154,29 @@ impl Solver {
         Outcome { fallback, iterations: solution.iterations }
     }
 
+    /// The last problem, for those who judge it.
+    pub fn numbers(&self) -> Numbers<'_> {
+        Numbers {
+            hessian: &self.hessian,
+            gradient: &self.gradient,
+            matrix: &self.matrix,
+            bound: &self.bound,
+            solution: &self.inner.solution.x,
+            equations: 0,
+        }
+    }
+
     fn write(&mut self, model: &Model, bounds: &Bounds) {
-        self.hessian[..TRIANGLE].copy_from_slice(&model.hessian[..]);
-        self.hessian[TRIANGLE..].copy_from_slice(&model.slowness_hessian);
+        self.hessian.nzval[..TRIANGLE].copy_from_slice(&model.hessian[..]);
+        self.hessian.nzval[TRIANGLE..].copy_from_slice(&model.slowness_hessian);
         self.gradient[..STAGES].copy_from_slice(&model.gradient);
         self.gradient[STAGES..].copy_from_slice(&model.slowness_gradient);
         let (per_turn, per_slowness) = (self.rows - 2, self.rows);
         for j in 0..STAGES {
             let stage = bounds.of(j);
             let slowness = STAGES * per_turn + j * per_slowness;
-            self.matrix[slowness] = -stage.turn_hi;
-            self.matrix[slowness + 1] = stage.turn_lo;
+            self.matrix.nzval[slowness] = -stage.turn_hi;
+            self.matrix.nzval[slowness + 1] = stage.turn_lo;
             let row = j * self.rows;
             self.bound[row] = 0.0;
             self.bound[row + 1] = 0.0;
@@ -156,8 +184,8 @@ impl Solver {
             self.bound[row + 3] = stage.slowness_hi;
             if self.rows == 6 {
                 let turn = j * per_turn;
-                self.matrix[turn + 2] = bounds.motor_turn;
-                self.matrix[turn + 3] = -bounds.motor_turn;
+                self.matrix.nzval[turn + 2] = bounds.motor_turn;
+                self.matrix.nzval[turn + 3] = -bounds.motor_turn;
                 self.bound[row + 4] = -bounds.motor_straight;
                 self.bound[row + 5] = -bounds.motor_straight;
             }
