@@ -1,7 +1,7 @@
 //! `cargo bench -p hilare-controller --bench qp`: what a step of the predictive law costs.
 //!
 //! Closed loops on an ideal robot; time of every step of the law, untrimmed, on one core, and what its
-//! solver did. With `-- --dump DIR` it also writes every tenth problem to a file a course, for another
+//! solver did. With `-- --dump DIR` it also writes a tenth of the problems to a file a course, for another
 //! solver to be run on the very same problems; `benches/osqp` does both and compares.
 #![allow(missing_docs, unsafe_code, clippy::disallowed_methods, clippy::disallowed_macros)]
 
@@ -26,7 +26,9 @@ use std::time::Instant;
 
 /// Runs of each course.
 const ROUNDS: usize = 3;
-/// One problem in so many is solved again by others.
+/// So many problems in a row are solved again by others, as a warm start needs its forerunner, …
+const BURST: usize = 50;
+/// … and one such burst in so many.
 const EVERY: usize = 10;
 
 fn main() {
@@ -141,7 +143,7 @@ impl ControlLaw for Watched {
         record.allocations = record.allocations.max(allocated);
         record.iterations.push(self.law.iterations());
         record.fallbacks += usize::from(output.fallback != Fallback::None);
-        if record.times_us.len().is_multiple_of(EVERY) {
+        if (record.times_us.len() / BURST).is_multiple_of(EVERY) {
             record.solve_again(&self.law);
         }
         output
@@ -169,7 +171,7 @@ struct Record {
 
 /// A problem, with our solution and one to 1e-10.
 struct Dumped {
-    /// Rows and columns of A, then P, q, A, b, ours, exact, input map.
+    /// Number of equations, then P, q, A, b, ours, exact.
     lines: Vec<String>,
 }
 
@@ -218,6 +220,7 @@ impl Dumped {
         let places = |values: &[usize]| values.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
         let (p, a) = (numbers.hessian, numbers.matrix);
         let lines = vec![
+            numbers.equations.to_string(),
             places(&p.colptr),
             places(&p.rowval),
             floats(&p.nzval),

@@ -4,6 +4,7 @@
 //! in [`LAWS`]; its [`LawSpec`] feeds the command line, the system file reader and the tests.
 
 pub mod finite_step;
+mod in_place;
 pub mod kanayama;
 pub mod navigation_circle;
 pub mod prediction;

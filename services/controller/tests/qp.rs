@@ -2,8 +2,9 @@
 
 mod ideal;
 
+use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::messages::Waypoint;
-use ideal::{Course, Disturbance, RECTANGLE, Run, TRAPEZOID, points_of};
+use ideal::{Course, Disturbance, RECTANGLE, Run, TRAPEZOID, points_of, polyline};
 
 fn qp(course: &Course) -> Run {
     course.run(course.law("qp", &[]), Disturbance::NONE)
@@ -52,5 +53,50 @@ fn mirrored_arcs_are_driven_alike_and_tight_ones_arrive() {
         let (left, right) = (side(1.0), side(-1.0));
         assert!(left.arrived && right.arrived, "{left:?} {right:?}");
         assert!((left.cross_track_mean_m - right.cross_track_mean_m).abs() < 0.02e-3, "{left:?} {right:?}");
+    }
+}
+
+/// Our law and Kanayama's, each with the rule it is made for, under the same disturbance.
+fn against_kanayama(course: &Course, disturbance: Disturbance) -> (Run, Run) {
+    let ours = course.run(course.law("qp", &[]), disturbance);
+    let rim = Course { acceptance: Acceptance::Rim, ..course.clone() };
+    (ours, rim.run(rim.law("kanayama", &[]), disturbance))
+}
+
+#[test]
+fn on_any_polyline_it_arrives_and_leads_with_a_pose_that_jumps() {
+    for seed in 0..20 {
+        let course = Course::epuck(&polyline(seed, 6));
+        // 25 corrections a second, 0.5 mm and 0.2°.
+        let (ours, theirs) =
+            against_kanayama(&course, Disturbance::jumping(0.5e-3, 0.2_f64.to_radians(), seed));
+        assert!(ours.arrived && ours.fallbacks == 0, "seed {seed}: {ours:?}");
+        assert!(ours.cross_track_mean_m < theirs.cross_track_mean_m, "seed {seed}: {ours:?} {theirs:?}");
+        assert!(ours.speed_error_mean_mps < theirs.speed_error_mean_mps, "seed {seed}: {ours:?} {theirs:?}");
+        // It does not answer every jump at full lock.
+        assert!(4.0 * ours.yaw_travel_radps < theirs.yaw_travel_radps, "seed {seed}: {ours:?} {theirs:?}");
+    }
+}
+
+#[test]
+fn unequal_wheels_slip_and_a_wrong_start_leave_the_lead_where_it_is() {
+    let cases = [
+        (Disturbance { slip: [0.01, 0.0], ..Disturbance::NONE }, (0.0, 0.0)),
+        (Disturbance { slip: [0.04, 0.05], ..Disturbance::NONE }, (0.0, 0.0)),
+        (Disturbance::NONE, (0.02, 0.5)),
+        (Disturbance { slip: [0.0, 0.01], ..Disturbance::jumping(0.5e-3, 0.003, 3) }, (-0.02, -0.5)),
+    ];
+    for (disturbance, (y, heading)) in cases {
+        for points in [&TRAPEZOID[..], &RECTANGLE[..]] {
+            let mut course = Course::epuck(points);
+            course.start.y_m += y;
+            course.start.theta_rad += heading;
+            let (ours, theirs) = against_kanayama(&course, disturbance);
+            assert!(ours.arrived && ours.fallbacks == 0, "{disturbance:?}: {ours:?}");
+            assert!(
+                ours.cross_track_mean_m < 0.7 * theirs.cross_track_mean_m,
+                "{disturbance:?}: {ours:?} {theirs:?}"
+            );
+        }
     }
 }

@@ -25,7 +25,10 @@ impl Navigator {
         acceptance_radius_m: f64,
         omnidirectional: bool,
     ) -> Self {
-        let planner = map.map(|map| Planner::new(ClearanceField::new(map), settings.params()));
+        // A fitted path may stray from the planned one, so that much more room is kept.
+        let mut params = settings.params();
+        params.radius_m += fit.tolerance_m;
+        let planner = map.map(|map| Planner::new(ClearanceField::new(map), params));
         Self { planner, acceptance_radius_m, omnidirectional, fit, plan: Plan::default() }
     }
 

@@ -55,7 +55,7 @@ fn douglas_peucker(points: &[Point], tolerance: f64) -> usize {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
     fn wandering_chains_are_kept_to(
@@ -146,7 +146,7 @@ proptest! {
     ) {
         let scale = 10f64.powi(scale);
         let grid: Vec<_> = small.iter().map(|p| (f64::from(p.0) * scale, f64::from(p.1) * scale)).collect();
-        let settings = FitSettings { tangent: tangent, ..settings(tolerance) };
+        let settings = FitSettings { tangent, ..settings(tolerance) };
         let _ = fit(&world(&points), &settings);
         for tolerance in [1e-6, 1e-3, 0.1 * scale, scale, 10.0] {
             let settings = FitSettings { tolerance_m: tolerance, ..settings };

@@ -25,7 +25,8 @@ fn in_order(order: Order, line: &[Point], segment: &[Point], within: f64) -> boo
         let off = |k: &usize| distance(*p, segment[*k]);
         let nearest = (0..segment.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
         at = at.max(nearest);
-        off(&at) <= within
+        // The fitter looks at five bulges for this rule, not at all: a tenth less.
+        off(&at) <= if at == nearest { within } else { 0.9 * within }
     })
 }
 
@@ -76,7 +77,7 @@ fn check(points: &[Point], tolerance: f64, order: Order) -> (usize, usize) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn none_has_fewer_on_wandering_chains(

@@ -18,10 +18,9 @@
 //! is too much the turn is finished sooner ([`Search`]), which leaves less to make good.
 
 use super::plan::{Bounds, Deviation, Model, STEPS_CAP, Turn};
+use crate::in_place;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT,
-};
+use clarabel::solver::{DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT};
 
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
 const TOLERANCE: f64 = 1e-10;
@@ -151,20 +150,7 @@ impl LeastEffort {
         let effort = CscMatrix::identity(len);
         let bound = vec![1.0; matrix.m];
         let cones: [SupportedConeT<f64>; 2] = [ZeroConeT(1), NonnegativeConeT(matrix.m - 1)];
-        let settings = DefaultSettings {
-            verbose: false,
-            max_iter,
-            time_limit: f64::INFINITY,
-            max_threads: 1,
-            presolve_enable: false,
-            input_sparse_dropzeros: false,
-            equilibrate_enable: false,
-            tol_gap_abs: TOLERANCE,
-            tol_gap_rel: TOLERANCE,
-            tol_feas: TOLERANCE,
-            iterative_refinement_enable: false,
-            ..DefaultSettings::default()
-        };
+        let settings = in_place::settings(max_iter, TOLERANCE);
         let mut inner =
             DefaultSolver::new(&effort, &vec![0.0; len], &matrix, &bound, &cones, settings).ok()?;
         // The first solve allocates more than the later ones (one, clarabel's timers).

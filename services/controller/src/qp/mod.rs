@@ -108,6 +108,8 @@ fn build(setup: &LawSetup<'_>) -> Built {
 
 /// Slowest planned speed as a share of the fastest: the plan counts travel, so it cannot stand.
 const SLOWEST: f64 = 0.2;
+/// Tightest curvature of the helmsmen who offer a plan, in 1/R.
+const HELMSMEN: [f64; 2] = [1.0, 3.0];
 /// Shares of a step that are tried until the true cost falls.
 const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.1];
 
@@ -194,25 +196,29 @@ impl Qp {
         Bounds { first, rest, motor_straight, motor_turn }
     }
 
-    /// The plan to improve: that of the last period moved on, or a helmsman's if that is better.
+    /// The plan to improve: that of the last period moved on, or a helmsman's if that is better, one who
+    /// keeps his speed or one who slows down to turn on a smaller circle.
     fn choose_start(&mut self, weights: &Weights, travelled: Option<f64>) -> f64 {
         if let Some(travelled) = travelled {
             self.plan.advance(&mut self.grid, travelled);
         }
         let grid = &self.grid;
-        let mut steered = Plan::STRAIGHT;
-        self.trial.steer(&mut steered, grid, &self.track);
-        let steered_cost = self.trial.cost(&steered, grid, &self.track, weights);
+        let mut best_cost = f64::INFINITY;
         if travelled.is_some() {
             self.rollout.follow(&self.plan, grid, &self.track);
-            let cost = self.rollout.cost(&self.plan, grid, &self.track, weights);
-            if cost <= steered_cost {
-                return cost;
+            best_cost = self.rollout.cost(&self.plan, grid, &self.track, weights);
+        }
+        for tightest in HELMSMEN {
+            let mut steered = Plan::STRAIGHT;
+            self.trial.steer(&mut steered, grid, &self.track, tightest);
+            let cost = self.trial.cost(&steered, grid, &self.track, weights);
+            if cost < best_cost {
+                best_cost = cost;
+                self.plan = steered;
+                core::mem::swap(&mut self.rollout, &mut self.trial);
             }
         }
-        self.plan = steered;
-        core::mem::swap(&mut self.rollout, &mut self.trial);
-        steered_cost
+        best_cost
     }
 
     /// One Gauss–Newton step, as far as the true cost falls.

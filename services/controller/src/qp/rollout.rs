@@ -207,8 +207,9 @@ impl Rollout {
     }
 
     /// Steers towards the legs as a helmsman would, without foresight: a first guess that always
-    /// turns round and always comes back. Writes the plan it drove.
-    pub fn steer(&mut self, plan: &mut Plan, grid: &Grid, track: &Track) {
+    /// turns round and always comes back. `tightest` is the greatest curvature, above 1 at reduced speed.
+    /// Writes the plan it drove.
+    pub fn steer(&mut self, plan: &mut Plan, grid: &Grid, track: &Track, tightest: f64) {
         self.start();
         for stage in 0..STAGES {
             let leg = &track.legs()[self.last_leg];
@@ -219,8 +220,8 @@ impl Rollout {
             let (sin, cos) = libm::sincos(self.heading[stage]);
             let heading = Vector::new(cos, sin);
             let error = libm::atan2(heading.left().dot(aim), heading.dot(aim));
-            plan.curvature[stage] = (2.0 * error + leg.curvature).clamp(-1.0, 1.0);
-            plan.slowness[stage] = 1.0;
+            plan.curvature[stage] = (2.0 * error + leg.curvature).clamp(-tightest, tightest);
+            plan.slowness[stage] = plan.curvature[stage].abs().max(1.0);
             self.move_stage(stage, grid.travel[stage], plan.curvature[stage]);
             self.cut_stage(stage, grid.travel[stage], track);
         }

@@ -16,6 +16,7 @@
 
 use super::model::{Model, TRIANGLE, entry};
 use super::rollout::{Plan, STAGES};
+use crate::in_place;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use hilare_interfaces::messages::Fallback;
@@ -113,18 +114,9 @@ impl Solver {
         let bound = vec![1.0; rows * STAGES];
         let gradient = vec![0.0; variables];
         let settings = DefaultSettings {
-            verbose: false,
-            max_iter,
-            time_limit: f64::INFINITY,
-            max_threads: 1,
-            presolve_enable: false,
-            input_sparse_dropzeros: false,
-            equilibrate_enable: false,
             tol_gap_abs: 0.01 * tolerance,
             tol_gap_rel: 0.01 * tolerance,
-            tol_feas: tolerance,
-            iterative_refinement_enable: false,
-            ..DefaultSettings::default()
+            ..in_place::settings(max_iter, tolerance)
         };
         let cones = [NonnegativeConeT(rows * STAGES)];
         let mut inner = DefaultSolver::new(&hessian, &gradient, &matrix, &bound, &cones, settings).ok()?;

@@ -141,7 +141,8 @@ pub struct Disturbance {
     /// Share of its motion each side loses: right and left wheel of a differential drive.
     pub slip: [f64; 2],
     pub seed: u64,
-    held: [f64; 3],
+    /// What it has added since the last picture.
+    pub held: [f64; 3],
 }
 
 impl Disturbance {

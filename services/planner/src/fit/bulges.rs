@@ -22,6 +22,9 @@ use std::cell::Cell;
 /// Bulge of the longest arc, 270°: tan(67.5°) = 1 + √2.
 pub(super) const BULGE_MAX: f64 = 1.0 + std::f64::consts::SQRT_2;
 
+/// Where in the interval of bulges an arc is tried, until one also keeps the chain's order.
+const SHARES: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
+
 /// Bulges that differ by less, relative, are the same.
 const ROUNDING: f64 = 1e-9;
 
@@ -81,7 +84,7 @@ impl<'a> Finder<'a> {
         for side in [1.0, -1.0] {
             for range in ranges.into_iter().filter(|range| range.0 <= range.1) {
                 let Some((low, high)) = self.interval(&frame.seen(side), range, from, to) else { continue };
-                for share in [0.5, 0.25, 0.75] {
+                for share in SHARES {
                     let arc = Piece { from: a, to: b, bulge: side * (low + share * (high - low)) };
                     if let Some(fitted) = self.follow(arc, from, to) {
                         return Some(fitted);

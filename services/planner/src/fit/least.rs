@@ -18,6 +18,9 @@ pub(super) fn fewest<T>(
     while !level.is_empty() {
         for &from in level.iter().rev() {
             for &to in &open[..open.partition_point(|&to| to > from)] {
+                if tired() {
+                    return None;
+                }
                 let Some(found) = step(from, to) else { continue };
                 came[to] = Some((from, found));
                 // No place of a level before this one leads to the end, so the first that does is best.
@@ -28,9 +31,6 @@ pub(super) fn fewest<T>(
                 next.push(to);
             }
             open.retain(|&to| came[to].is_none());
-            if tired() {
-                return None;
-            }
         }
         next.sort_unstable();
         std::mem::swap(&mut level, &mut next);

@@ -11,15 +11,17 @@
 //! The arcs' sweep is 270° at most and their radius at least the greatest of `radius_min_m` and twice
 //! the tolerance; what is flatter than `radius_max_m` must do as a line.
 //!
-//! **What is least.** Without `tangent` all joints are points of the input. Among all such fits whose
-//! segments [`follow`] passes, none has fewer segments when [`Fit::least`] is true: breadth-first search over
-//! the points, each pair decided by the exact interval of bulges ([`bulges`]). That is so up to
-//! 2 000 points or so unless the points are noise against the tolerance; beyond, joints are sought among
-//! 2 048 points evenly picked, and by striding as far as each segment reaches over all points; the better of
-//! the two is taken. Time grows as n log n then.
+//! **What is least.** Without `tangent` all joints are points of the input. When [`Fit::least`] is true, no
+//! such fit has fewer segments: breadth-first search over the points, each pair decided by the interval of
+//! bulges within the tolerance (`bulges.rs`). Two things it does not count as possible: an arc beside which the
+//! chain runs back by more than the tolerance allows to one that waits at the nearest place (`follow.rs`; of the
+//! interval's bulges five are asked), and an arc over a chord shorter than the tolerance. It is searched so
+//! up to 2048 points, as long as noise does not make every pair a long look; beyond, joints are sought among
+//! 2048 points evenly picked, and over all points by striding as far as each segment reaches; the better of the
+//! two is taken. Time grows as n log n then.
 //!
 //! **Without corners.** With `tangent` segments meet with one heading, except at the polyline's
-//! own corners sharper than `corner_rad` ([`tangent`]). Joints then lie beside the points, within the
+//! own corners sharper than `corner_rad` (`tangent.rs`). Joints then lie beside the points, within the
 //! tolerance. Where no such curve has the least radius, the fit is refused and says where.
 //!
 //! Only + − × ÷ √ and `libm`: same points, same settings, same bits.
@@ -76,7 +78,8 @@ pub struct Fit {
     pub lines: usize,
     /// Arcs.
     pub arcs: usize,
-    /// True when it is proven that no fit with joints on the input's points has fewer segments.
+    /// True when the search was complete: no fit with joints on the input's points has fewer segments (see the
+    /// module's head). False with `tangent`, above 2048 points, and where the search gave up.
     pub least: bool,
 }
 
@@ -196,4 +199,48 @@ fn fit_least(points: Vec<Vector>, limits: Limits) -> (Vec<Fitted>, bool) {
         _ => strides,
     };
     (steps.into_iter().map(|step| step.1).collect(), false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points that make the search look closely: noise, to and fro, turns at the tolerance.
+    fn hard(kind: usize, n: usize) -> Vec<Vector> {
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let at = |k: usize| 6.0 * k as f64 / n as f64;
+        let point = |k: usize| match kind {
+            0 => Vector::new(at(k) + 2e-3 * random(), 0.3 * libm::sin(4.0 * at(k)) + 2e-3 * random()),
+            1 => Vector::new(at(k) + 1.7e-3 * f64::from((k % 2) as u8), 0.0),
+            2 => Vector::new(libm::cos(at(k)), libm::sin(at(k))) * (1.0 + 1.9e-3 * random()),
+            _ => Vector::new(random(), random()),
+        };
+        (0..n).map(point).collect()
+    }
+
+    #[test]
+    fn the_work_is_bounded_whatever_the_points() {
+        let limits = Limits { tolerance: 1e-3, radius_min: 0.01, radius_max: 1000.0 };
+        for kind in 0..4 {
+            for n in [4096, MAX_WAYPOINTS] {
+                let chain = Chain::new(hard(kind, n));
+                let finder = Finder::new(&chain, limits);
+                let picked = |k: usize| k * (n - 1) / (LEAST_MOST - 1);
+                let mut step = |from, to| finder.piece(picked(from), picked(to));
+                least::fewest(LEAST_MOST, &mut step, &mut || finder.looks.get() > WORK);
+                // One question may run over.
+                let over = 40 * n as u64;
+                assert!(finder.looks.get() <= WORK + over, "kind {kind}, {n}: {}", finder.looks.get());
+                let finder = Finder::new(&chain, limits);
+                assert!(least::farthest(n, &mut |from, to| finder.piece(from, to)).is_ok());
+                // n log n; most is 2.2 n log₂ n, for the noise.
+                let most = 4 * n as u64 * u64::from(n.ilog2());
+                assert!(finder.looks.get() <= most, "kind {kind}, {n}: {} looks", finder.looks.get());
+            }
+        }
+    }
 }

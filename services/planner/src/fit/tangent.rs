@@ -1,6 +1,6 @@
 //! Curves without corners: biarcs, two arcs with one tangent where they meet, over stretches as long as can be.
 //!
-//! The headings at the points come from a first fit of lines and arcs within half the tolerance, not from
+//! The headings at the points come from a first fit of lines and arcs within a share of the tolerance, not from
 //! neighbouring points: an arc over a stretch does not see the noise of its points. Where two of its segments
 //! meet at an angle θ, the heading turns evenly over the length that a rounding within 0.9 τ takes,
 //! d = 0.9 τ / tan(θ/4) to both sides, or up to the segments' middles. Where the angle is sharper than asked for
@@ -23,8 +23,9 @@ use std::cell::Cell;
 /// Bulges below this are lines: the heading is off by 4e-9 rad at most, which no joint shows.
 const STRAIGHT: f64 = 1e-9;
 
-/// Share of the tolerance that the first fit, which gives the headings, may use.
-const GUIDE: f64 = 0.5;
+/// Shares of the tolerance that the first fit, which gives the headings, may use; the fewest segments win. The
+/// closer ones find what was made of lines and arcs, the wide one sees through noise.
+const GUIDES: [f64; 3] = [0.5, 0.1, 0.02];
 /// Share of the tolerance that the rounding of a bend aims at.
 const ROUND: f64 = 0.9;
 
@@ -39,7 +40,23 @@ pub(super) struct Stuck {
 /// Fits a polyline without corners other than its own.
 pub(super) fn fit_smooth(points: &[Vector], limits: Limits, corner: f64) -> Result<Vec<Fitted>, Stuck> {
     let chain = Chain::new(beside_bends(points, limits.tolerance));
-    let guide = Guide::new(&chain, limits, corner);
+    let mut best: Result<Vec<Fitted>, Stuck> = fit_guided(&chain, limits, corner, GUIDES[0]);
+    for share in &GUIDES[1..] {
+        let other = fit_guided(&chain, limits, corner, *share);
+        let fewer = match (&best, &other) {
+            (Ok(best), Ok(other)) => other.len() < best.len(),
+            (Err(_), Ok(_)) => true,
+            _ => false,
+        };
+        if fewer {
+            best = other;
+        }
+    }
+    best
+}
+
+fn fit_guided(chain: &Chain, limits: Limits, corner: f64, share: f64) -> Result<Vec<Fitted>, Stuck> {
+    let guide = Guide::new(chain, limits, corner, share);
     let looks = Cell::new(0);
     let mut pieces = Vec::new();
     for pair in guide.corners.windows(2) {
@@ -107,8 +124,8 @@ struct Meeting {
 }
 
 impl<'a> Guide<'a> {
-    fn new(chain: &'a Chain, limits: Limits, corner: f64) -> Self {
-        let finder = Finder::new(chain, Limits { tolerance: GUIDE * limits.tolerance, ..limits });
+    fn new(chain: &'a Chain, limits: Limits, corner: f64, share: f64) -> Self {
+        let finder = Finder::new(chain, Limits { tolerance: share * limits.tolerance, ..limits });
         // Neighbours are always joined by a line, so there is a way.
         let steps = farthest(chain.len(), &mut |from, to| finder.piece(from, to)).unwrap_or_default();
         let n = chain.len();

@@ -76,19 +76,25 @@ pub fn to_line(p: Point, line: &[Point]) -> f64 {
 /// Whether two rows of samples can be walked hand in hand, never back, within a distance (the discrete
 /// Fréchet distance): every pair that can be reached, row by row.
 pub fn hand_in_hand(a: &[Point], b: &[Point], within: f64) -> bool {
-    let near = |i: usize, j: usize| distance(a[i], b[j]) <= within;
     let mut row = vec![false; b.len()];
-    for i in 0..a.len() {
+    // Places of the row that can be reached lie in here.
+    let (mut first, mut last) = (0, 0);
+    for (i, p) in a.iter().enumerate() {
         let mut next = vec![false; b.len()];
-        for j in 0..b.len() {
-            let start = i == 0 && j == 0;
-            let came = row[j] || (j > 0 && (next[j - 1] || row[j - 1]));
-            next[j] = (start || came) && near(i, j);
+        let (mut low, mut high) = (usize::MAX, 0);
+        for j in first..b.len() {
+            let came = (i == 0 && j == 0) || row[j] || (j > 0 && (next[j - 1] || row[j - 1]));
+            next[j] = came && distance(*p, b[j]) <= within;
+            if next[j] {
+                (low, high) = (low.min(j), j);
+            } else if j > last + 1 {
+                break;
+            }
         }
-        if !next.contains(&true) {
+        if low == usize::MAX {
             return false;
         }
-        row = next;
+        (row, first, last) = (next, low, high);
     }
     row[b.len() - 1]
 }

@@ -25,6 +25,7 @@ use super::STAGES;
 use super::limits::{Limits, SIGNS};
 use super::sparse::{Sparse, Writer};
 use super::wanted::{Grid, Wanted};
+use crate::in_place;
 use crate::qp::frame::Vector;
 use crate::qp::solver::{Numbers, Outcome, meaning};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, ZeroConeT};
@@ -155,18 +156,9 @@ impl Programme {
         let mut matrix = Sparse::new(bound.len(), COLUMNS, &a);
         fill(&mut hessian, &mut matrix, &mut gradient, &mut bound, rows, example);
         let settings = DefaultSettings {
-            verbose: false,
-            max_iter,
-            time_limit: f64::INFINITY,
-            max_threads: 1,
-            presolve_enable: false,
-            input_sparse_dropzeros: false,
             equilibrate_enable: true,
-            tol_gap_abs: tolerance,
             tol_gap_rel: 1e-2 * tolerance,
-            tol_feas: tolerance,
-            iterative_refinement_enable: false,
-            ..DefaultSettings::default()
+            ..in_place::settings(max_iter, tolerance)
         };
         let cones = [ZeroConeT(EQUATIONS), NonnegativeConeT(bound.len() - EQUATIONS)];
         let (p, a) = (&hessian.matrix, &matrix.matrix);

@@ -158,8 +158,8 @@ impl Wanted {
         let legs = track.legs();
         let start = Place::of_robot(legs);
         self.take_headings(legs, start);
-        for k in 0..=STAGES {
-            let place = start.walk(legs, progress[k]);
+        for (k, progress) in progress.iter().enumerate() {
+            let place = start.walk(legs, *progress);
             let leg = &legs[place.leg];
             let (point, tangent) = leg.before_end(place.left);
             let turned = self.headings[place.leg] - leg.curvature * place.left;
