@@ -143,7 +143,7 @@ impl ControlLaw for Watched {
         record.allocations = record.allocations.max(allocated);
         record.iterations.push(self.law.iterations());
         record.fallbacks += usize::from(output.fallback != Fallback::None);
-        if (record.times_us.len() / BURST).is_multiple_of(EVERY) {
+        if ((record.times_us.len() - 1) / BURST).is_multiple_of(EVERY) {
             record.solve_again(&self.law);
         }
         output

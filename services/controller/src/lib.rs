@@ -77,14 +77,16 @@ pub struct TwistLimits {
 }
 
 impl TwistLimits {
-    /// `twist` within the limits; a sideways speed shares in the cut, so that the direction stays.
-    fn cut(&self, twist: BodyTwist) -> BodyTwist {
+    /// What the step generator makes of `twist`, the least yaw rate aside.
+    fn carried_out(&self, chassis: &Chassis, twist: BodyTwist) -> BodyTwist {
         let omega = twist.omega_radps.max(-self.omega_max_radps).min(self.omega_max_radps);
-        if twist.vy_mps == 0.0 {
-            return BodyTwist::new(twist.vx_mps.max(self.v_min_mps).min(self.v_max_mps), 0.0, omega);
-        }
-        let shorten = (self.v_max_mps / twist.speed_mps()).min(1.0);
-        BodyTwist::new(twist.vx_mps * shorten, twist.vy_mps * shorten, omega)
+        let cut = if chassis.is_omnidirectional() {
+            let shorten = (self.v_max_mps / libm::hypot(twist.vx_mps, twist.vy_mps)).min(1.0);
+            BodyTwist::new(twist.vx_mps * shorten, twist.vy_mps * shorten, omega)
+        } else {
+            BodyTwist::new(twist.vx_mps.max(self.v_min_mps).min(self.v_max_mps), 0.0, omega)
+        };
+        cut.scaled(1.0 / chassis.motor_use(cut).max(1.0))
     }
 }
 
@@ -168,8 +170,6 @@ pub struct ControllerInputs<'a> {
 /// How the commands of a controller that takes over may depart from what acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandoverLimits {
-    /// What the step generator lets through: as far as the law's own command is worth approaching.
-    pub twist: TwistLimits,
     /// Change of the linear velocity, m/s².
     pub accel_mps2: f64,
     /// Change of the yaw rate, rad/s².
@@ -227,7 +227,7 @@ impl Controller {
     fn approach(&mut self, wanted: BodyTwist) -> BodyTwist {
         let Some(limits) = self.handover.filter(|_| wanted.is_finite()) else { return wanted };
         let own = wanted;
-        let wanted = limits.twist.cut(own);
+        let wanted = self.prediction.carried_out(own);
         let period_s = self.period_ticks as f64 * TICK_S;
         let from = self.acting;
         let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);

@@ -74,12 +74,12 @@ impl Prediction {
         self.twists[self.newest] = self.carried_out(twist);
     }
 
-    fn carried_out(&self, twist: BodyTwist) -> BodyTwist {
+    /// What the input constraints let through of a command.
+    pub fn carried_out(&self, twist: BodyTwist) -> BodyTwist {
         if !twist.is_finite() {
             return BodyTwist::ZERO;
         }
-        let cut = self.limits.cut(twist);
-        cut.scaled(1.0 / self.chassis.motor_use(cut).max(1.0))
+        self.limits.carried_out(&self.chassis, twist)
     }
 
     /// `pose` at tick `now`.

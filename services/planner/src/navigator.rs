@@ -69,7 +69,7 @@ impl Navigator {
             return Ok(path);
         }
         let points: Vec<WorldPoint> = path.iter().map(|waypoint| waypoint.point()).collect();
-        fit(&points, &self.fit).map(|fitted| fitted.waypoints).map_err(|e| e.to_string())
+        fit(&points, &self.fit).map(|fitted| fitted.waypoints).map_err(|e| format!("planner.fit: {e}"))
     }
 
     /// The planner, if there is a map.

@@ -8,7 +8,7 @@ use hilare_interfaces::geometry::WorldPoint;
 /// A robot that does what it is told, within its limits, the selector's rule included.
 #[derive(Clone)]
 pub(super) struct Robot {
-    chassis: Chassis,
+    pub(super) chassis: Chassis,
     rule: Acceptance,
     path: Vec<Waypoint>,
     index: usize,
@@ -69,8 +69,7 @@ impl Robot {
         let inputs = ControllerInputs { reference: &reference, pose: &pose };
         let command = controller.step(pose.tick, inputs).twist().expect("finite");
         self.acting = self.next;
-        self.next = LIMITS.cut(command);
-        self.next = self.next.scaled(1.0 / self.chassis.motor_use(self.next).max(1.0));
+        self.next = LIMITS.carried_out(&self.chassis, command);
         self.pose = moved(self.pose, self.acting, PERIOD as f64 * TICK_S);
         self.periods += 1;
         Some(command)

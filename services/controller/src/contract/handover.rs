@@ -4,7 +4,7 @@ use super::drives::{Robot, paths};
 use super::*;
 
 /// Those of the step generator's stop.
-const HANDOVER: HandoverLimits = HandoverLimits { twist: LIMITS, accel_mps2: 2.0, accel_radps2: 40.0 };
+const HANDOVER: HandoverLimits = HandoverLimits { accel_mps2: 2.0, accel_radps2: 40.0 };
 /// Control period, s.
 const PERIOD_S: f64 = PERIOD as f64 * TICK_S;
 
@@ -22,7 +22,8 @@ fn take_over(mut robot: Robot, mut acting: BodyTwist, to: Case, pair: &str) -> u
     let mut controller = to.controller(2);
     controller.take_over(acting, HANDOVER);
     while controller.handover.is_some() {
-        let command = LIMITS.cut(robot.period(&mut controller).expect("under way"));
+        let command = robot.period(&mut controller).expect("under way");
+        let command = LIMITS.carried_out(&robot.chassis, command);
         let linear = libm::hypot(command.vx_mps - acting.vx_mps, command.vy_mps - acting.vy_mps);
         let turning = (command.omega_radps - acting.omega_radps).abs();
         assert!(linear <= HANDOVER.accel_mps2 * PERIOD_S * (1.0 + 1e-9), "{pair}: {acting:?} {command:?}");
@@ -45,7 +46,8 @@ fn every_law_takes_over_from_every_other() {
         for after in [1, 1000, 2900, 3000, 3050, 3200] {
             let mut acting = BodyTwist::ZERO;
             while robot.periods < after {
-                acting = LIMITS.cut(robot.period(&mut controller).expect("under way"));
+                let command = robot.period(&mut controller).expect("under way");
+                acting = LIMITS.carried_out(&robot.chassis, command);
             }
             for to in every_case().filter(|to| to.chassis == chassis) {
                 let pair = format!("{name} to {}", to.name());

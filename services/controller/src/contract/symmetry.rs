@@ -48,6 +48,13 @@ fn scenes() -> impl Strategy<Value = (WorldPose, Vec<Waypoint>)> {
     })
 }
 
+fn with_fast_wheels(chassis: Chassis) -> Chassis {
+    match chassis {
+        Chassis::Mecanum(robot) => Chassis::Mecanum(MecanumParams { wheel_speed_max_radps: 20.0, ..robot }),
+        other => other,
+    }
+}
+
 fn alike(a: BodyTwist, b: BodyTwist) -> bool {
     (a.vx_mps - b.vx_mps).abs() < ALIKE
         && (a.vy_mps - b.vy_mps).abs() < ALIKE
@@ -97,9 +104,13 @@ proptest! {
     ) {
         let omnidirectional = |case: &Case| case.chassis.is_omnidirectional();
         for case in every_case().filter(omnidirectional) {
+            // The wheels' limits are of the body: a law that plans with them may well drive otherwise where
+            // they bind, so here they do not.
+            let chassis = with_fast_wheels(case.chassis);
+            let case = Case::new(case.spec, chassis);
             let name = case.name();
             let crabbed = waypoints.iter().map(|w| Waypoint { crab_rad, ..*w }).collect::<Vec<_>>();
-            let again = Case::new(case.spec, case.chassis);
+            let again = Case::new(case.spec, chassis);
             let command = |case: Case, pose, path: &[Waypoint]| {
                 let pose = Pose::at(0, pose);
                 let twist = case.controller(1).step(0, ControllerInputs { reference: &reference(path), pose: &pose }).twist();

@@ -244,7 +244,7 @@ fn controller(values: &[(&'static str, f64)], acting: BodyTwist, lags: Lags) -> 
     let law = build(&setup).expect("builds");
     let mut controller =
         Controller::new(law, Identity { source: 1, epoch: 1 }, lags.period_ticks, prediction);
-    let limits = HandoverLimits { twist: LIMITS, accel_mps2: 1e9, accel_radps2: 1e9 };
+    let limits = HandoverLimits { accel_mps2: 1e9, accel_radps2: 1e9 };
     controller.take_over(acting, limits);
     controller
 }

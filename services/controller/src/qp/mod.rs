@@ -13,6 +13,9 @@
 //! feasible. If the solver stops at its iteration cap or fails, the best plan at hand is used, its first
 //! input inside the limits, and the output says which ([`Fallback`]).
 //!
+//! All this is the law of a differential drive; a Mecanum drive, whose motion is of another kind, has a
+//! formulation of its own in [`omni`].
+//!
 //! How near to the best it comes: ∫|e| ds over one corner at full speed (R = 53.5 mm, d_T = 27 mm),
 //! optimised offline (multiple shooting, IPOPT, a phase before the switch and one behind), in mm²:
 //!

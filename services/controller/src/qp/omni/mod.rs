@@ -40,15 +40,14 @@ use programme::{Plan, Problem, Programme, Rows, Weights};
 use wanted::{Grid, Wanted};
 
 /// Stages of a plan.
-pub const STAGES: usize = 12;
+pub const STAGES: usize = 11;
 /// Time that is looked ahead, in 1/ω_max: a half turn.
 const HORIZON: f64 = 3.2;
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
 const TOLERANCE: f64 = 3e-9;
-/// Size of the prices, so that the tolerance is small beside the errors that matter.
+/// Size of the prices, so that the tolerance is small beside the errors that matter. What is left at the
+/// end costs as much a turn radius or radian: more than it can gain anywhere else.
 const PRICE: f64 = 1e3;
-/// What a metre or radian left at the end costs over one that is held for the horizon.
-const END: f64 = 1.0;
 
 /// The law.
 pub struct Omni {
@@ -114,6 +113,7 @@ impl Omni {
             wanted: &self.wanted,
             heading: &self.heading,
             acting: BodyTwist::ZERO,
+            crab: 0.0,
             limits: &limits,
             weights: &weights,
         };
@@ -148,13 +148,14 @@ impl Omni {
             speed: PRICE * square(self.params.pace_price_s * scale.omega_radps),
             lateral: settle * far,
             yaw: settle * radian,
-            end_off: END * PRICE,
-            end_heading: END * radian,
+            end_off: PRICE,
+            end_heading: radian,
         }
     }
 
-    /// Moves the plan of the period before on to now: only its progress and its turning are used.
-    fn advance(&mut self, kept: bool) {
+    /// Moves the plan of the period before on to now: only its progress and its turning are used. In the
+    /// first stage the body turns about as it does: `acting`, in ω_max.
+    fn advance(&mut self, kept: bool, acting: f64) {
         let body = -self.track.legs()[0].crab;
         let turned = if kept {
             self.progress = self.grid.advance(&self.progress);
@@ -166,6 +167,7 @@ impl Omni {
         for (k, heading) in self.heading.iter_mut().enumerate() {
             *heading = body + 0.5 * (turned[k] + turned[k + 1]);
         }
+        self.heading[0] = body + 0.5 * acting.clamp(-1.0, 1.0) * self.grid.time[0];
     }
 
     /// What the plan achieved, for the next period.
@@ -190,7 +192,7 @@ impl Omni {
         }
         let kept = self.scale == Some(*scale);
         self.scale = Some(*scale);
-        self.advance(kept);
+        self.advance(kept, inputs.acting.omega_radps / scale.omega_radps);
         self.wanted.look(&self.track, &self.grid, &self.progress);
     }
 }
@@ -216,7 +218,8 @@ impl ControlLaw for Omni {
             grid: &self.grid,
             wanted: &self.wanted,
             heading: &self.heading,
-            acting,
+            acting: acting.turned(-crab),
+            crab,
             limits: &limits,
             weights: &weights,
         };

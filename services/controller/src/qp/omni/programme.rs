@@ -107,8 +107,10 @@ pub struct Problem<'a> {
     pub wanted: &'a Wanted,
     /// Heading of the body in each stage, rad.
     pub heading: &'a [f64; STAGES],
-    /// What acts now, in the body's frame, inside the limits.
+    /// What acts now, in the course frame, inside the limits.
     pub acting: BodyTwist,
+    /// From the body's frame to the course frame: crab angle of the current leg, rad.
+    pub crab: f64,
     /// Limits.
     pub limits: &'a Limits,
     /// Prices.
@@ -355,15 +357,16 @@ impl<S: Sink> Writing<'_, S> {
         }
     }
 
-    /// Changes of the body's own velocity, so that a robot that turns may hold its twist; as shares of
-    /// what the time between the stages' middles allows.
+    /// Changes of the velocity seen from the turning robot, so that it may hold its twist, along the axes
+    /// of its course frame, so that a crab angle makes no difference; as shares of what the time between
+    /// the stages' middles allows.
     fn limit_change(&mut self, k: usize, rows: Rows, problem: &Problem<'_>) {
         let (limits, grid, acting) = (problem.limits, problem.grid, problem.acting);
         let before = grid.time[k.saturating_sub(1)];
         let between = 0.5 * (grid.time[k] + before);
         if k < rows.accel {
-            let (forward, left) = axes(problem.heading[k]);
-            let was = axes(problem.heading[k.saturating_sub(1)]);
+            let (forward, left) = axes(problem.heading[k] + problem.crab);
+            let was = axes(problem.heading[k.saturating_sub(1)] + problem.crab);
             for (now, was, acts) in [(forward, was.0, acting.vx_mps), (left, was.1, acting.vy_mps)] {
                 let share = 1.0 / (limits.accel * between);
                 for share in [share, -share] {
