@@ -33,12 +33,14 @@ pub struct TraceRow {
 pub struct Trace {
     stride: u64,
     rows: Vec<TraceRow>,
+    /// Path and waypoint of the line driven last, and its heading, rad.
+    line: Option<((u64, u64), f64)>,
 }
 
 impl Trace {
     /// Empty, one row every `stride` ticks.
     pub fn new(stride: u64) -> Self {
-        Self { stride: stride.max(1), rows: Vec::with_capacity(16_384) }
+        Self { stride: stride.max(1), rows: Vec::with_capacity(16_384), line: None }
     }
 
     /// The rows, oldest first.
@@ -57,7 +59,7 @@ impl Trace {
             self.rows.retain(|row| row.tick.is_multiple_of(stride));
         }
         let twist = record.steps.commanded_twist();
-        let (cross_track_m, heading_error_rad) = deviation(record.reference, record.truth.pose());
+        let (cross_track_m, heading_error_rad) = self.deviation(record.reference, record.truth.pose());
         self.rows.push(TraceRow {
             tick: record.steps.tick,
             pose: record.pose.pose(),
@@ -68,6 +70,27 @@ impl Trace {
             heading_error_rad,
             waypoint: record.reference.index,
         });
+    }
+
+    /// Signed cross-track distance (m) and heading error (rad) of the truth; zero without a path.
+    fn deviation(&mut self, reference: &Reference, truth: WorldPose) -> (f64, f64) {
+        if reference.state == ReferenceState::Idle.code() {
+            return (0.0, 0.0);
+        }
+        let segment = reference.segment();
+        let (cross_track_m, heading_rad) = if segment.is_line() {
+            // The heading of a line is worked out once, not at every row.
+            let key = (reference.path_id, reference.index);
+            let known = self.line.filter(|(line, _)| *line == key);
+            let (_, heading_rad) = known.unwrap_or_else(|| (key, segment.heading_rad()));
+            self.line = Some((key, heading_rad));
+            (segment.cross_track_m(truth.position()), heading_rad)
+        } else {
+            let station = segment.nearest(truth.position());
+            (station.cross_track_m, station.heading_rad)
+        };
+        let course_rad = truth.theta_rad + reference.current.crab_rad;
+        (cross_track_m, wrap_angle_rad(course_rad - heading_rad))
     }
 
     /// The trace as CSV, units in the header, numbers that read back to the same bits.
@@ -123,16 +146,6 @@ fn parse_row(line: &str) -> Option<TraceRow> {
         waypoint: number()? as u64,
     };
     values.next().is_none().then_some(row)
-}
-
-/// Signed cross-track distance (m) and heading error (rad) of the truth; zero without a path.
-fn deviation(reference: &Reference, truth: WorldPose) -> (f64, f64) {
-    if reference.state == ReferenceState::Idle.code() {
-        return (0.0, 0.0);
-    }
-    let station = reference.segment().nearest(truth.position());
-    let course_rad = truth.theta_rad + reference.current.crab_rad;
-    (station.cross_track_m, wrap_angle_rad(course_rad - station.heading_rad))
 }
 
 #[cfg(test)]

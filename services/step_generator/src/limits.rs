@@ -68,17 +68,22 @@ impl Limits {
     /// angular part each take their own way, so that a turn does not wait for the speed.
     #[inline]
     pub fn ramp_to(&self, from: BodyTwist, wanted: BodyTwist) -> BodyTwist {
-        let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
-        let turn = wanted.omega_radps - from.omega_radps;
         let mut next = wanted;
-        let (most, change) = (self.accel_mps2 * TICK_S, libm::hypot(dx, dy));
-        if most > 0.0 && change > most {
-            next.vx_mps = from.vx_mps + dx / change * most;
-            next.vy_mps = from.vy_mps + dy / change * most;
+        if self.accel_mps2 > 0.0 {
+            let most = self.accel_mps2 * TICK_S;
+            let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
+            let change = libm::hypot(dx, dy);
+            if change > most {
+                next.vx_mps = from.vx_mps + dx / change * most;
+                next.vy_mps = from.vy_mps + dy / change * most;
+            }
         }
-        let most = self.accel_radps2 * TICK_S;
-        if most > 0.0 && turn.abs() > most {
-            next.omega_radps = from.omega_radps + most.copysign(turn);
+        if self.accel_radps2 > 0.0 {
+            let most = self.accel_radps2 * TICK_S;
+            let turn = wanted.omega_radps - from.omega_radps;
+            if turn.abs() > most {
+                next.omega_radps = from.omega_radps + most.copysign(turn);
+            }
         }
         next
     }
