@@ -195,7 +195,8 @@ fn compare_shows_every_law_that_drives_the_robot() {
 #[test]
 fn wrong_laws_and_parameters_are_one_line() {
     let lab = Lab::new();
-    let cases: [(&[&str], &[&str]); 14] = [
+    let cases: [(&[&str], &[&str]); 15] = [
+        (&["compare", "rectangle", "rectangle"], &["rectangle: two scenarios of this name"]),
         (&["compare", "rectangel"], &["did you mean \"rectangle\""]),
         (&["compare", "--laws", "qq"], &["unknown law \"qq\"", "known: kanayama"]),
         (&["compare", "rectangle", "--laws", "finite-step"], &["differential", "rectangle"]),

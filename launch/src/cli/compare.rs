@@ -79,6 +79,15 @@ pub fn compare(args: &CompareArgs) -> VerbResult {
     };
     let laws = chosen_laws(&args.laws)?;
     let jobs: Vec<Job> = names.iter().map(|name| Job::new(name, args, &laws)).collect::<Result<_, _>>()?;
+    for (n, job) in jobs.iter().enumerate() {
+        // Each scenario's pictures bear its name.
+        if jobs[..n].iter().any(|other| other.scenario.name == job.scenario.name) {
+            let name = &job.scenario.name;
+            return Err(refused(format!(
+                "{name}: two scenarios of this name; rename a file or leave one away"
+            )));
+        }
+    }
     let out = out_dir(args)?;
     let mut rows = Vec::new();
     let mut text = String::new();

@@ -24,7 +24,7 @@ pub struct RobotArgs {
 /// Options of `hilare follow`.
 #[derive(Args)]
 pub struct FollowArgs {
-    /// Waypoints: CSV with the header x,y, metres
+    /// Waypoints: CSV with the header x,y[,bulge[,crab_rad]], metres
     #[arg(value_name = "FILE.csv")]
     file: PathBuf,
     #[command(flatten)]

@@ -37,10 +37,12 @@ pub struct DemoArgs {
 /// Options of `hilare run`.
 #[derive(Args)]
 pub struct RunArgs {
-    /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so, platform]
+    /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so,
+    /// platform, line-21deg, arc-102cm, agv-low, agv-high, agv-course]
     #[arg(value_name = "SCENARIO", required_unless_present = "path")]
     scenario: Option<String>,
-    /// Follow these waypoints instead (CSV, header x,y, metres), starting on the first, heading 0
+    /// Follow these waypoints instead (CSV, header x,y[,bulge[,crab_rad]], metres), starting on the first,
+    /// heading 0; the robot is the scenario's, or the e-puck
     #[arg(long, value_name = "FILE.csv")]
     path: Option<PathBuf>,
     /// Start pose instead: metres, metres, radians

@@ -20,7 +20,7 @@ use tracing::{Level, error, info};
 /// Options of `hilare up`.
 #[derive(Args)]
 pub struct UpArgs {
-    /// Built-in system or a .toml file [built-in: epuck]
+    /// Built-in system or a .toml file [built-in: epuck, cart, agv]
     #[arg(value_name = "SYSTEM", default_value = "epuck")]
     system: String,
     /// Set a key of the system file, e.g. limits.v_max_mps=0.05 (repeatable)

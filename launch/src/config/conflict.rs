@@ -30,6 +30,7 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| law_on_chassis(system))
         .or_else(|| plant_of_robot(system))
         .or_else(|| steps_a_tick(system))
+        .or_else(|| no_radius_left(system))
         .or_else(|| fixes_too_old(system))
         .or_else(|| law_of_parameters(system))
 }
@@ -73,6 +74,18 @@ fn plant_of_robot(system: &System) -> Option<Conflict> {
     }
     let what = "there is no simulated robot with Mecanum wheels on steppers; write motors.kind = \"servo\"";
     Some(Conflict::new(&[("chassis", "kind"), ("motors", "kind")], what.to_owned()))
+}
+
+fn no_radius_left(system: &System) -> Option<Conflict> {
+    let (least, greatest) = (system.fit.radius_min_m, system.fit.radius_max_m);
+    if least <= greatest {
+        return None;
+    }
+    let what = format!(
+        "planner.fit.radius_min_m {least} is above planner.fit.radius_max_m {greatest}, so no arc is allowed; lower \
+         radius_min_m or raise radius_max_m"
+    );
+    Some(Conflict::new(&[("planner.fit", "radius_min_m"), ("planner.fit", "radius_max_m")], what))
 }
 
 /// The filter would have forgotten the odometry since every picture, and reckon dead in silence.

@@ -69,6 +69,7 @@ fn systems() -> impl Strategy<Value = System> {
         let limits = &mut system.limits;
         limits.v_min_mps = limits.v_min_mps.min(limits.v_max_mps);
         limits.omega_min_radps = limits.omega_min_radps.min(limits.omega_max_radps);
+        system.fit.radius_min_m = system.fit.radius_min_m.min(system.fit.radius_max_m);
         if let Motors::Stepper(stepper) = &mut system.motors {
             stepper.step_length_m = stepper.step_length_m.max(1e-3);
         }

@@ -183,6 +183,11 @@ fn values_that_contradict_each_other_are_refused_with_the_reason() {
              chassis.wheel_speed_max_left_radps to 6.5 rad/s or raise motors.step_length_m",
         ),
         (
+            "[planner.fit]\nradius_min_m = 900\nradius_max_m = 1",
+            "3: planner.fit.radius_min_m 900 is above planner.fit.radius_max_m 1, so no arc is allowed; lower \
+             radius_min_m or raise radius_max_m",
+        ),
+        (
             "[estimator]\nkind = \"ekf\"\n[camera]\ndelay_ticks = 3000",
             "4: camera.delay_ticks 3000 is not below estimator.history_ticks 2048, so every fix would be too old to \
              be used; raise history_ticks or lower delay_ticks",
