@@ -54,6 +54,12 @@ fn estimators_keep_the_bits_too() {
             ["in-process", "lockstep"].map(|clock| run(&lab, scenario, law, clock, &["--set", &set]));
         assert_eq!(alone["state_hash"], together["state_hash"], "{scenario}, {kind}");
     }
+    // A picture a tick and a long control period: the plant gets far ahead of the estimator.
+    let ahead =
+        ["--set", "estimator.kind=ekf", "--set", "camera.period_ticks=1", "--set", "timing.period_ticks=200"];
+    let [alone, together] =
+        ["in-process", "lockstep"].map(|clock| run(&lab, "agv-low", "pure-pursuit", clock, &ahead));
+    assert_eq!(alone["state_hash"], together["state_hash"], "a picture a tick");
 }
 
 /// Robots in real time have the cores for themselves, as far as these tests go.

@@ -242,7 +242,7 @@ pub const FIX: Wire = Wire {
     // The wheels of the same tick wake it.
     to: &[polls(Role::PoseEstimator)],
     rate: Rate::OnDemand,
-    buffer: 256,
+    buffer: 1024,
     history: 0,
     doc: "pose measured from outside, late and noisy, where there is a camera",
 };

@@ -94,7 +94,7 @@ pub fn compare(args: &CompareArgs) -> VerbResult {
     for job in &jobs {
         let (table, traces) = job.run(args.seeds)?;
         let runs: Vec<Run<'_>> = traces.iter().map(|(law, rows)| Run { name: law.name, rows }).collect();
-        write_overlay(&out, &job.scenario.name, &job.path()?, &runs)
+        write_overlay(&out, &job.scenario.name, &job.waypoints, &runs)
             .map_err(|error| Failure::Fault(error.to_string()))?;
         text.push_str(&table_text(job, &table, args.seeds));
         rows.extend(table);
@@ -137,9 +137,10 @@ fn out_dir(args: &CompareArgs) -> Result<PathBuf, Failure> {
 /// A law and the rows of its first run.
 type Trail = (&'static LawSpec, Vec<TraceRow>);
 
-/// A scenario with the laws to drive it.
+/// A scenario with its path and the laws to drive it.
 struct Job {
     scenario: Scenario,
+    waypoints: Vec<Waypoint>,
     laws: Vec<&'static LawSpec>,
 }
 
@@ -154,18 +155,14 @@ impl Job {
         if laws.is_empty() {
             return Err(refused(format!("--laws: none of them drives the {kind} chassis of {name}")));
         }
-        Ok(Self { scenario, laws })
-    }
-
-    fn path(&self) -> Result<Vec<Waypoint>, Failure> {
-        let map = self.scenario.system.load_map().map_err(refused)?;
-        path_of(&self.scenario, map.as_ref())
+        let map = scenario.system.load_map().map_err(refused)?;
+        let waypoints = path_of(&scenario, map.as_ref())?;
+        Ok(Self { scenario, waypoints, laws })
     }
 
     /// The table of the scenario, and the rows of each law's first run.
     fn run(&self, seeds: u64) -> Result<(Vec<Row>, Vec<Trail>), Failure> {
-        let waypoints = self.path()?;
-        let drive = Drive { scenario: &self.scenario, waypoints: &waypoints, map: None };
+        let drive = Drive { scenario: &self.scenario, waypoints: &self.waypoints, map: None };
         let max_ticks = time_limit(&drive);
         let mut table = Vec::new();
         let mut traces = Vec::new();
@@ -179,7 +176,7 @@ impl Job {
                     keys.extend(seed_keys(seed));
                 }
                 system.set_all(&keys).map_err(refused)?;
-                let mut robot = InProcess::new(&system, &waypoints).map_err(refused)?;
+                let mut robot = InProcess::new(&system, &self.waypoints).map_err(refused)?;
                 robot.time_the_law();
                 let record = robot.run(max_ticks);
                 sums.add(&record.statistics.figures(), &robot);

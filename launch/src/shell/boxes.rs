@@ -72,7 +72,7 @@ impl EstimatorProcess {
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
         let pose = self.estimator.step(steps.tick, inputs);
-        self.report.rejected = pairing.lost() + fixes.lost();
+        self.report.rejected = pairing.lost();
         Some(pose)
     }
 }

@@ -70,41 +70,34 @@ impl<A: Stamped, B: Stamped> Pairing<A, B> {
     }
 }
 
-/// Fixes that can wait for their tick.
-const MOST_FIXES: usize = 64;
-
 /// Fixes that have come, until they are used.
 #[derive(Debug)]
 pub struct Fixes {
+    /// Those due at the tick asked for last, and at most one that is not.
     waiting: Vec<PoseFix>,
     used: usize,
-    lost: u64,
 }
+
+/// Fixes there is room for without allocating: of each tick there is at most one.
+const ROOM: usize = 64;
 
 impl Default for Fixes {
     fn default() -> Self {
-        Self { waiting: Vec::with_capacity(MOST_FIXES), used: 0, lost: 0 }
+        Self { waiting: Vec::with_capacity(ROOM), used: 0 }
     }
 }
 
 impl Fixes {
-    /// The fixes to be used at `tick`, each once, the oldest first; takes in what has arrived.
+    /// The fixes to be used at `tick`, each once, the oldest first. A plant that is ahead has sent later
+    /// ones already: they stay on the wire.
     pub fn due(&mut self, tick: Tick, mut arrived: impl FnMut() -> Option<PoseFix>) -> &[PoseFix] {
         self.waiting.drain(..self.used);
-        while let Some(fix) = arrived() {
-            if self.waiting.len() < MOST_FIXES {
-                self.waiting.push(fix);
-            } else {
-                self.lost += 1;
-            }
+        while self.waiting.last().is_none_or(|fix| fix.tick <= tick) {
+            let Some(fix) = arrived() else { break };
+            self.waiting.push(fix);
         }
         self.used = self.waiting.iter().take_while(|fix| fix.tick <= tick).count();
         &self.waiting[..self.used]
-    }
-
-    /// Fixes for which there was no room.
-    pub fn lost(&self) -> u64 {
-        self.lost
     }
 }
 
@@ -171,7 +164,14 @@ mod tests {
             [ticks(2), ticks(3), ticks(4), ticks(9), ticks(10)],
             [vec![], vec![3], vec![], vec![7, 9], vec![]]
         );
-        let mut many = (0..100).map(fix);
-        assert_eq!((fixes.due(200, || many.next()).len(), fixes.lost()), (MOST_FIXES, 36));
+        // A plant far ahead: nothing is lost, and nothing is used before its tick.
+        let mut many = (11..1011).map(fix);
+        let mut seen = 0;
+        for tick in 11..1011 {
+            let due = fixes.due(tick, || many.next());
+            assert_eq!(due.iter().map(|fix| fix.tick).collect::<Vec<_>>(), [tick]);
+            seen += due.len();
+        }
+        assert_eq!(seen, 1000);
     }
 }

@@ -37,12 +37,13 @@ pub mod rollout;
 pub mod solver;
 pub mod weights;
 
+use crate::prediction::moved;
 use crate::{Built, ControlLaw, LawInputs, LawOutput, LawSetup, LawSpec, TwistLimits};
 use frame::{Scale, Track};
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::Chassis;
-use hilare_interfaces::geometry::{BodyTwist, WorldPose};
+use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
@@ -286,18 +287,6 @@ impl ControlLaw for Qp {
         self.plan = Plan::STRAIGHT;
         self.scale = None;
     }
-}
-
-/// Where `twist` leads in `time_s` (on an arc).
-fn moved(pose: WorldPose, twist: BodyTwist, time_s: f64) -> WorldPose {
-    let turn = twist.omega_radps * time_s;
-    let (sin, cos) = libm::sincos(pose.theta_rad + turn / 2.0);
-    let (way, aside) = (twist.vx_mps * time_s, twist.vy_mps * time_s);
-    WorldPose::new(
-        pose.x_m + (way * cos - aside * sin),
-        pose.y_m + (way * sin + aside * cos),
-        pose.theta_rad + turn,
-    )
 }
 
 #[cfg(test)]

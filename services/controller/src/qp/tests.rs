@@ -3,6 +3,7 @@
 use super::*;
 use crate::law;
 use hilare_interfaces::chassis::DifferentialParams;
+use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Reference, ReferenceState, Waypoint};
 use proptest::prelude::*;

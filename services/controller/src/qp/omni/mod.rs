@@ -26,9 +26,10 @@ pub mod programme;
 mod sparse;
 pub mod wanted;
 
+use super::QpParams;
 use super::frame::{Scale, Track};
 use super::solver::{Numbers, Outcome};
-use super::{QpParams, moved};
+use crate::prediction::moved;
 use crate::{ControlLaw, LawInputs, LawOutput, LawSetup, TwistLimits};
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::block::TICK_S;
