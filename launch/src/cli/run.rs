@@ -188,9 +188,18 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
         scenario.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     }
     let system = &mut scenario.system;
-    system.set_all(&args.set).map_err(refused)?;
-    if let Some(law) = &args.controller {
-        set_flag(system, "--controller", law, &[format!("controller.law={law}")])?;
+    match &args.controller {
+        // With the keys, because only together they may make sense.
+        Some(law) => {
+            let key = format!("controller.law={law}");
+            let keys: Vec<&String> = args.set.iter().chain([&key]).collect();
+            system.set_all(&keys).map_err(|error| {
+                let error = error.to_string();
+                let own = error.strip_prefix(&format!("--set {key}: "));
+                refused(own.map_or_else(|| error.clone(), |what| format!("--controller {law}: {what}")))
+            })?;
+        }
+        None => system.set_all(&args.set).map_err(refused)?,
     }
     if let Some(seed) = args.seed {
         set_flag(system, "--seed", &seed.to_string(), &seed_keys(seed))?;
