@@ -126,21 +126,35 @@ wire_message! {
 
 wire_message! {
     /// Who may drive, from launch to the step generator; also launch's lease.
-    Authority = "hilare/Authority/v1" {
+    ///
+    /// A controller process is a pair (source, epoch): source is its place in the system, epoch goes up
+    /// with every process started, so that a predecessor woken up late is not mistaken for it.
+    Authority = "hilare/Authority/v2" {
         /// Counts up with every message, so that a stale one is seen.
         seq: u64,
         /// A [`Mode`].
         mode: u64,
+        /// Counts up whenever another controller comes into charge, here or in the step generator; who is
+        /// in charge is taken from the highest.
+        term: u64,
         /// The controller in charge; 0 is none.
         source: u64,
         /// Its epoch.
         epoch: u64,
+        /// The standby: its command acts when that of the controller in charge is missing; 0 is none.
+        standby_source: u64,
+        /// Its epoch.
+        standby_epoch: u64,
+        /// The controller on trial: its commands are judged and never act; 0 is none.
+        trial_source: u64,
+        /// Its epoch.
+        trial_epoch: u64,
     }
 }
 
 wire_message! {
     /// State of the step generator after a tick.
-    Steps = "hilare/Steps/v1" {
+    Steps = "hilare/Steps/v2" {
         /// Ticks executed; message n follows the n-th tick, message 0 precedes the first.
         tick: u64,
         /// Cumulative signed steps a wheel.
@@ -151,16 +165,28 @@ wire_message! {
         twist: [f64; 3],
         /// A [`Drive`]: why the wheels turn as they do.
         drive: u64,
-        /// Controller whose command acts; 0 is none.
+        /// Controller whose command acts: the one in charge, or its standby; 0 is none.
         source: u64,
-        /// Epoch of the authority in force.
+        /// Term of the authority in force.
+        term: u64,
+        /// Controller in charge; 0 is none.
+        in_charge: u64,
+        /// Its epoch.
         epoch: u64,
+        /// Control cycles in a row for which the standby had a valid command in time.
+        standby_answers: u64,
+        /// The same of the controller on trial.
+        trial_answers: u64,
         /// Commands that came after their effective tick.
         commands_late: u64,
-        /// Commands refused: invalid, of the wrong source or epoch, old.
+        /// Commands refused: invalid, of a controller that is neither in charge nor standby nor on trial, old.
         commands_rejected: u64,
         /// Control cycles in which no command of their own acted.
         cycles_without_command: u64,
+        /// Control cycles driven by the standby's command for want of one from the controller in charge.
+        commands_borrowed: u64,
+        /// Times the standby took charge here, after several such cycles in a row.
+        promotions: u64,
         /// Wake-ups a tick or more late.
         ticks_late: u64,
         /// Whole ticks lost to such pauses.

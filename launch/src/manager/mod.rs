@@ -245,8 +245,11 @@ impl Manager {
 
     fn send_authority(&mut self) {
         self.authority.seq += 1;
-        if let Some((source, epoch)) = self.controller() {
-            (self.authority.source, self.authority.epoch) = (source, epoch);
+        if let Some(pair) = self.controller()
+            && pair != (self.authority.source, self.authority.epoch)
+        {
+            (self.authority.source, self.authority.epoch) = pair;
+            self.authority.term += 1;
         }
         self.ports.authority.send(&self.authority);
         for slot in self.page.members(Role::StepGenerator) {

@@ -42,7 +42,8 @@ impl InProcess {
     pub fn new(system: &System, waypoints: &[Waypoint]) -> Result<Self, String> {
         let identity = Identity { source: 1, epoch: 1 };
         let mut generator = build::step_generator(system, ClockKind::InProcess);
-        let authority = Authority { seq: 1, mode: Mode::Armed.code(), source: 1, epoch: 1 };
+        let authority =
+            Authority { seq: 1, mode: Mode::Armed.code(), term: 1, source: 1, epoch: 1, ..Authority::ZERO };
         generator.take_in(0, StepInputs { authority: Some(&authority), ..StepInputs::default() });
         let mut plant = build::plant(system)?;
         let observed = plant.step(0, generator.state());

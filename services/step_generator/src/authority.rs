@@ -1,18 +1,24 @@
 //! Which command acts on a tick.
 //!
-//! Authority is a pair (source, epoch). A command is computed from the pose of tick k and acts from
-//! k + period on (logical execution time): it waits here until its tick. If none is there, the last
-//! one is held for `hold_cycles` cycles, then the robot ramps to zero. Nothing here needs another
-//! process to be alive.
+//! A command is computed from the pose of tick k and acts from k + period on (logical execution time):
+//! it waits here until its tick. At the tick that opens a control cycle there is
+//!
+//! ```text
+//! a command of the controller in charge      ──▶ it acts
+//! else one of the standby for the same tick  ──▶ it acts: borrowed; several cycles in a row: it takes charge
+//! else nothing                               ──▶ the last one is held for `hold_cycles`, then a ramp to zero
+//! ```
+//!
+//! Nothing here needs another process to be alive. Authority is a pair (source, epoch) under a term:
+//! launch and this box both may put another controller in charge, each with a higher term, and the
+//! higher term wins; whoever lost charge is not heard any more.
 
+use crate::candidate::{Candidate, Pair};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, Drive, Mode, Steps};
 use hilare_interfaces::param_group;
-
-/// Commands that can wait for their tick.
-const PENDING: usize = 4;
 
 param_group! {
     /// Control period and what to do without commands, launch or time.
@@ -21,11 +27,24 @@ param_group! {
         period_ticks: u64 = 5, "ticks", 1, 1000;
         /// Control cycles the last command is held when none comes.
         hold_cycles: u64 = 2, "", 0, 100;
+        /// Control cycles in a row driven by the standby's command after which it takes charge.
+        promote_after: u64 = 2, "", 1, 100;
         /// Ticks without a sign of launch after which the robot stops; 0 never (lockstep).
         lease_ticks: u64 = 75, "ticks", 0, 10000;
         /// A single pause of this many ticks stops the robot; 0 never.
         pause_stop_ticks: u64 = 100, "ticks", 0, 100000;
     }
+}
+
+/// The command that acts.
+#[derive(Clone, Copy, Debug)]
+struct Acting {
+    command: Command,
+    twist: BodyTwist,
+    /// What the same controller commanded for the cycle before.
+    before: Option<BodyTwist>,
+    /// What the controller whose command acted last commands for the same cycle.
+    beside: Option<BodyTwist>,
 }
 
 /// What acts on a tick.
@@ -35,6 +54,12 @@ pub struct Decision {
     pub twist: BodyTwist,
     /// Why.
     pub drive: Drive,
+    /// Whose command it is; (0, 0) for none.
+    pub pair: Pair,
+    /// What the same controller commanded for the cycle before, if it did.
+    pub before: Option<BodyTwist>,
+    /// What the controller whose command acted before it commands for the same cycle, if it does.
+    pub beside: Option<BodyTwist>,
 }
 
 /// Takes commands in and decides, tick by tick, which one acts.
@@ -43,20 +68,26 @@ pub struct Gate {
     params: GateParams,
     authority: Authority,
     mode: Mode,
-    pending: [Option<Command>; PENDING],
-    acting: Option<Command>,
-    last_seq: u64,
+    term: u64,
+    in_charge: Candidate,
+    standby: Candidate,
+    trial: Candidate,
+    acting: Option<Acting>,
     /// First cycle start from which a command is due.
     due_from: Tick,
     /// Start of the present control cycle.
     cycle_start: Tick,
     /// Cycles in a row without a command of their own, the present one included.
     misses: u64,
+    /// Cycles in a row the standby's command acted.
+    borrowed_row: u64,
     lease_age: u64,
     pause_stop: bool,
     late: u64,
     rejected: u64,
     without: u64,
+    borrowed: u64,
+    promotions: u64,
 }
 
 impl Gate {
@@ -66,75 +97,83 @@ impl Gate {
             params,
             authority: Authority::ZERO,
             mode: Mode::Disarmed,
-            pending: [None; PENDING],
+            term: 0,
+            in_charge: Candidate::NOBODY,
+            standby: Candidate::NOBODY,
+            trial: Candidate::NOBODY,
             acting: None,
-            last_seq: 0,
             due_from: Tick::MAX,
             cycle_start: 0,
             misses: 0,
+            borrowed_row: 0,
             lease_age: 0,
             pause_stop: false,
             late: 0,
             rejected: 0,
             without: 0,
+            borrowed: 0,
+            promotions: 0,
         }
     }
 
-    /// Takes an authority message: mode, source, epoch; renews the lease.
+    /// Takes an authority message: mode, who is in charge, standby and on trial; renews the lease.
     ///
     /// An older `seq` is ignored, an unknown mode is a stop. Emergency stop is left only through
-    /// `Disarmed` (the operator's reset), whatever else is asked for.
+    /// `Disarmed` (the operator's reset), whatever else is asked for. Of a lower term only the mode
+    /// counts: launch does not know yet who took charge.
     pub fn set_authority(&mut self, tick: Tick, authority: &Authority) {
         if authority.seq <= self.authority.seq {
             return;
         }
         self.lease_age = 0;
+        if authority.term >= self.term {
+            self.put_in_charge(authority);
+        }
         let wanted = Mode::from_code(authority.mode).unwrap_or(Mode::Stop);
         let mode = if self.mode == Mode::EStop && wanted != Mode::Disarmed { Mode::EStop } else { wanted };
-        let handed_over =
-            (authority.source, authority.epoch) != (self.authority.source, self.authority.epoch);
-        if handed_over {
-            self.pending = [None; PENDING];
-            self.last_seq = 0;
-        }
-        if mode == Mode::Armed && (self.mode != Mode::Armed || handed_over) {
-            // The first pose the source can answer is that of the next cycle.
+        if mode == Mode::Armed && self.mode != Mode::Armed {
+            // The first pose that can be answered is that of the next cycle.
             let period = self.params.period_ticks;
-            self.due_from = tick.div_ceil(period) * period + period;
+            self.due_from = tick.div_ceil(period).saturating_mul(period).saturating_add(period);
         }
         if mode != self.mode {
             self.acting = None;
             self.misses = 0;
+            self.borrowed_row = 0;
             self.pause_stop = false;
         }
         self.mode = mode;
         self.authority = *authority;
     }
 
-    /// Takes a command in, or refuses and counts it.
-    pub fn offer(&mut self, tick: Tick, command: &Command) {
-        if !self.acceptable(tick, command) {
-            self.rejected += 1;
+    /// Whoever is known already keeps the commands that wait, in whatever place.
+    fn put_in_charge(&mut self, authority: &Authority) {
+        let known = [self.in_charge, self.standby, self.trial];
+        let candidate = |pair: Pair| match known.iter().find(|known| known.pair() == pair) {
+            Some(known) if pair.0 != 0 => *known,
+            _ => Candidate::new(if pair.0 == 0 { (0, 0) } else { pair }),
+        };
+        let in_charge = (authority.source, authority.epoch);
+        if authority.term > self.term || self.in_charge.pair().0 == 0 {
+            self.term = authority.term;
+            self.borrowed_row = 0;
+            self.in_charge = candidate(in_charge);
+        } else if in_charge != self.in_charge.pair() {
+            // Another one under the same term: launch's and this box's decision crossed. Ours came first.
             return;
         }
-        self.last_seq = command.seq;
-        match self.pending.iter_mut().find(|slot| slot.is_none()) {
-            Some(slot) => *slot = Some(*command),
-            None => self.rejected += 1,
-        }
+        self.standby = candidate((authority.standby_source, authority.standby_epoch));
+        self.trial = candidate((authority.trial_source, authority.trial_epoch));
     }
 
-    fn acceptable(&self, tick: Tick, command: &Command) -> bool {
-        let period = self.params.period_ticks;
-        let in_charge = command.source == self.authority.source
-            && command.epoch == self.authority.epoch
-            && command.source != 0;
-        let fresh = command.seq > self.last_seq;
-        let newer = self.acting.is_none_or(|acting| command.effective_tick > acting.effective_tick);
-        let on_the_grid = command.effective_tick.is_multiple_of(period)
-            && command.effective_tick == command.pose_tick.saturating_add(period)
-            && command.effective_tick <= tick.saturating_add(2 * period);
-        in_charge && fresh && newer && on_the_grid && command.twist().is_some()
+    /// Takes a command in, or refuses and counts it.
+    pub fn offer(&mut self, tick: Tick, command: &Command) {
+        let writer =
+            [&mut self.in_charge, &mut self.standby, &mut self.trial].into_iter().find(|c| c.wrote(command));
+        let sound = on_the_grid(tick, self.params.period_ticks, command) && command.twist().is_some();
+        if !writer.is_some_and(|writer| sound && writer.keep(command)) {
+            self.rejected += 1;
+        }
     }
 
     /// A pause of `ticks` happened; a long one stops the robot until it is armed again.
@@ -144,53 +183,122 @@ impl Gate {
         }
     }
 
-    /// True if tick `tick` opens a cycle for which a command is due and has not come.
+    /// True if tick `tick` opens a cycle for which a command is due and has not come: of the controller
+    /// in charge, or of another that has begun to answer.
     pub fn awaits_command(&self, tick: Tick) -> bool {
+        let others = [&self.standby, &self.trial];
         self.mode == Mode::Armed
             && tick.is_multiple_of(self.params.period_ticks)
             && tick >= self.due_from
-            && !self.pending.iter().flatten().any(|command| command.effective_tick == tick)
+            && (self.in_charge.owes(tick) || others.iter().any(|other| other.is_heard() && other.owes(tick)))
     }
 
     /// Decides what acts on the tick that follows `tick` executed ticks.
     pub fn decide(&mut self, tick: Tick) -> Decision {
         self.lease_age += 1;
         if tick.is_multiple_of(self.params.period_ticks) {
+            self.close_cycle();
             self.open_cycle(tick);
+        } else {
+            self.take_late(tick);
         }
-        self.take_due(tick);
-        let drive = self.drive(tick);
-        let twist = self.acting.and_then(|command| command.twist()).unwrap_or(BodyTwist::ZERO);
-        Decision { twist, drive }
+        let acting = self.acting;
+        Decision {
+            twist: acting.map_or(BodyTwist::ZERO, |acting| acting.twist),
+            drive: self.drive(tick),
+            pair: acting.map_or((0, 0), |acting| (acting.command.source, acting.command.epoch)),
+            before: acting.and_then(|acting| acting.before),
+            beside: acting.and_then(|acting| acting.beside),
+        }
     }
 
-    /// A new cycle begins: it has missed its command until the command is found.
-    fn open_cycle(&mut self, tick: Tick) {
+    fn close_cycle(&mut self) {
         let due = self.mode == Mode::Armed && self.cycle_start >= self.due_from;
         if due && (self.misses > 0 || self.held_back()) {
             self.without += 1;
         }
+    }
+
+    /// A new cycle begins: whose command is there for it?
+    fn open_cycle(&mut self, tick: Tick) {
+        let period = self.params.period_ticks;
         self.cycle_start = tick;
-        if self.mode == Mode::Armed && tick >= self.due_from {
-            self.misses += 1;
+        let own = self.in_charge.open_cycle(tick, period);
+        let spare = self.standby.open_cycle(tick, period);
+        self.trial.open_cycle(tick, period);
+        let due = self.mode == Mode::Armed && tick >= self.due_from;
+        let own_is_late = own.is_some_and(|own| own.effective_tick < tick);
+        if own_is_late && self.mode == Mode::Armed {
+            self.late += 1;
+        }
+        if own.is_some() && !own_is_late {
+            self.act(own, self.in_charge.before(), spare);
+            (self.misses, self.borrowed_row) = (0, 0);
+        } else if due && spare.is_some_and(|spare| spare.effective_tick == tick) {
+            self.act(spare, self.standby.before(), own);
+            self.misses = 0;
+            self.borrowed += 1;
+            self.borrowed_row += 1;
+            if self.borrowed_row >= self.params.promote_after {
+                self.promote();
+            }
+        } else {
+            self.act(own, self.in_charge.before(), spare);
+            self.misses += u64::from(due);
         }
     }
 
-    /// Moves the newest command whose time has come from waiting to acting.
-    fn take_due(&mut self, tick: Tick) {
-        for slot in &mut self.pending {
-            let Some(command) = slot.filter(|command| command.effective_tick <= tick) else { continue };
-            *slot = None;
-            if self.acting.is_none_or(|acting| command.effective_tick > acting.effective_tick) {
-                self.acting = Some(command);
-                if command.effective_tick < tick && self.mode == Mode::Armed {
-                    self.late += 1;
-                }
-                if command.effective_tick >= self.cycle_start {
-                    self.misses = 0;
-                }
-            }
+    /// Between two cycle starts: what comes now is late, and acts if its cycle has nothing better.
+    fn take_late(&mut self, tick: Tick) {
+        let period = self.params.period_ticks;
+        let own = self.in_charge.due(tick, period);
+        let spare = self.standby.due(tick, period);
+        self.trial.due(tick, period);
+        let armed = self.mode == Mode::Armed;
+        self.late += u64::from(armed && own.is_some());
+        if armed && self.misses == 0 && tick >= self.due_from {
+            return;
         }
+        let of_this_cycle = |command: &Command| command.effective_tick == self.cycle_start;
+        let (own_is_for_now, spare_is_for_now) =
+            (own.as_ref().is_some_and(of_this_cycle), spare.as_ref().is_some_and(of_this_cycle));
+        if armed && !own_is_for_now && spare_is_for_now {
+            self.late += 1;
+            self.borrowed += 1;
+            self.act(spare, self.standby.before(), own);
+        } else {
+            self.act(own, self.in_charge.before(), spare);
+        }
+        if own_is_for_now || spare_is_for_now {
+            self.misses = 0;
+        }
+    }
+
+    /// Lets a command act, unless a newer one does; `other` is what the other one of controller in charge
+    /// and standby has come up with.
+    fn act(&mut self, command: Option<Command>, before: Option<Command>, other: Option<Command>) {
+        let Some(command) = command else { return };
+        let last = self.acting.map(|acting| acting.command);
+        if last.is_some_and(|last| command.effective_tick <= last.effective_tick) {
+            return;
+        }
+        let acted_last = |other: &Command| {
+            other.effective_tick == command.effective_tick
+                && last.is_some_and(|last| (last.source, last.epoch) == (other.source, other.epoch))
+        };
+        let beside = other.filter(acted_last).and_then(|other| other.twist());
+        if let Some(twist) = command.twist() {
+            let before = before.and_then(|before| before.twist());
+            self.acting = Some(Acting { command, twist, before, beside });
+        }
+    }
+
+    /// The standby takes charge; who was in charge is not heard any more.
+    fn promote(&mut self) {
+        self.in_charge = core::mem::replace(&mut self.standby, Candidate::NOBODY);
+        self.term += 1;
+        self.promotions += 1;
+        self.borrowed_row = 0;
     }
 
     fn lease_lost(&self) -> bool {
@@ -218,10 +326,23 @@ impl Gate {
 
     /// Writes authority and counters into the state message.
     pub fn report(&self, state: &mut Steps) {
-        state.source = if self.acting.is_some() { self.authority.source } else { 0 };
-        state.epoch = self.authority.epoch;
+        state.source = self.acting.map_or(0, |acting| acting.command.source);
+        state.term = self.term;
+        (state.in_charge, state.epoch) = self.in_charge.pair();
+        state.standby_answers = self.standby.answers();
+        state.trial_answers = self.trial.answers();
         state.commands_late = self.late;
         state.commands_rejected = self.rejected;
         state.cycles_without_command = self.without;
+        state.commands_borrowed = self.borrowed;
+        state.promotions = self.promotions;
     }
+}
+
+/// True if a command is for the beginning of a control cycle, computed one period before it, and that
+/// cycle is at most two periods away.
+fn on_the_grid(tick: Tick, period: u64, command: &Command) -> bool {
+    command.effective_tick.is_multiple_of(period)
+        && command.effective_tick == command.pose_tick.saturating_add(period)
+        && command.effective_tick <= tick.saturating_add(2 * period)
 }

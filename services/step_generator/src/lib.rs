@@ -1,18 +1,22 @@
 //! The step generator: one call is one tick of the robot.
 //!
 //! Commands in, steps out, at 1 kHz. A tick (1) takes in what arrived, (2) decides which command
-//! acts ([`authority`]), (3) puts it inside the input constraints ([`limits`], paper 1 eq. 9–24;
-//! nothing reaches the wheels around them), (4) turns it into pulses ([`pulses`], eq. 25–29).
+//! acts ([`authority`]), without a jump where another controller's begins to ([`handover`]), (3) puts it
+//! inside the input constraints ([`limits`], paper 1 eq. 9–24; nothing reaches the wheels around
+//! them), (4) turns it into pulses ([`pulses`], eq. 25–29).
 #![no_std]
 
 #[cfg(test)]
 extern crate std;
 
 pub mod authority;
+pub mod candidate;
+pub mod handover;
 pub mod limits;
 pub mod pulses;
 
 use authority::{Gate, GateParams};
+use handover::Handover;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::BodyTwist;
@@ -40,9 +44,7 @@ pub struct StepGenerator {
     limits: Limits,
     gate: Gate,
     pulses: PulseTrain,
-    /// The command that acts, and what the constraints make of it.
-    commanded: BodyTwist,
-    constrained: BodyTwist,
+    handover: Handover,
     /// What is carried out.
     twist: BodyTwist,
     state: Steps,
@@ -56,8 +58,7 @@ impl StepGenerator {
             limits,
             gate: Gate::new(gate),
             pulses: PulseTrain::new(&motors, &chassis),
-            commanded: BodyTwist::ZERO,
-            constrained: limits.constrain(&chassis, BodyTwist::ZERO),
+            handover: Handover::new(&chassis, &limits),
             twist: BodyTwist::ZERO,
             state: Steps::ZERO,
         }
@@ -89,18 +90,15 @@ impl StepGenerator {
         let decision = self.gate.decide(tick);
         let twist = match decision.drive {
             Drive::Command | Drive::Hold => {
-                // A command acts for several ticks: constrain it once.
-                if decision.twist != self.commanded {
-                    self.commanded = decision.twist;
-                    self.constrained = self.limits.constrain(&self.chassis, decision.twist);
-                }
-                self.limits.ramp_to(self.twist, self.constrained)
+                let target = self.handover.target(&decision, &self.chassis, &self.limits);
+                return (self.limits.ramp_to(self.twist, target), decision.drive);
             }
             Drive::EStop | Drive::Disarmed => BodyTwist::ZERO,
             Drive::Ramp | Drive::Stop | Drive::LeaseLost | Drive::PauseStop => {
                 self.limits.ramp_down(self.twist)
             }
         };
+        self.handover.interrupt(twist);
         (twist, decision.drive)
     }
 

@@ -1,5 +1,7 @@
 //! One tick seen from outside: authority, holding, ramps, latches, limits.
 
+mod standby;
+
 use super::*;
 use hilare_interfaces::chassis::DifferentialParams;
 use hilare_interfaces::messages::Mode;
@@ -22,7 +24,14 @@ impl Rig {
     }
 
     fn mode(&mut self, mode: Mode) {
-        self.authority = Authority { seq: self.authority.seq + 1, mode: mode.code(), source: 1, epoch: 1 };
+        self.authority = Authority {
+            seq: self.authority.seq + 1,
+            mode: mode.code(),
+            term: 1,
+            source: 1,
+            epoch: 1,
+            ..self.authority
+        };
         let inputs = StepInputs { authority: Some(&self.authority), ..StepInputs::default() };
         self.generator.take_in(self.tick, inputs);
     }
@@ -212,7 +221,10 @@ fn pauses_are_counted_and_a_long_one_stops() {
     assert_eq!((long.paused_ticks, long.drive), (130, Drive::PauseStop.code()));
     rig.mode(Mode::Stop);
     rig.mode(Mode::Armed);
-    assert_eq!(rig.drive(3, 0.04, 0.0).twist[0], 0.04);
+    let slow = rig.tick_with(&[]).twist[0];
+    let next = rig.drive(3, 0.04, 0.0).twist[0];
+    assert!(slow < 0.04 && next > slow && next - slow <= 15.0 * 0.002 + 1e-12, "{slow} {next}: no jump");
+    assert_eq!(rig.drive(8, 0.04, 0.0).twist[0], 0.04);
 }
 
 proptest! {

@@ -1,0 +1,101 @@
+//! A controller whose commands are taken in: in charge, standby or on trial.
+
+use hilare_interfaces::block::Tick;
+use hilare_interfaces::messages::Command;
+
+/// Commands of one controller that can wait for their tick.
+const PENDING: usize = 4;
+
+/// Who a controller process is: its source number (0: nobody) and its epoch.
+pub type Pair = (u64, u64);
+
+/// Commands of one controller, and how well it keeps time.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    pair: Pair,
+    last_seq: u64,
+    pending: [Option<Command>; PENDING],
+    /// The command whose time came last.
+    taken: Option<Command>,
+    /// The one before, if it was that of the cycle before.
+    before: Option<Command>,
+    answers: u64,
+}
+
+impl Candidate {
+    /// Nothing heard of it yet.
+    pub const fn new(pair: Pair) -> Self {
+        Self { pair, last_seq: 0, pending: [None; PENDING], taken: None, before: None, answers: 0 }
+    }
+
+    /// Nobody.
+    pub const NOBODY: Self = Self::new((0, 0));
+
+    /// Source and epoch.
+    pub const fn pair(&self) -> Pair {
+        self.pair
+    }
+
+    /// True if `command` says it is of this controller.
+    pub const fn wrote(&self, command: &Command) -> bool {
+        self.pair.0 != 0 && command.source == self.pair.0 && command.epoch == self.pair.1
+    }
+
+    /// True once it has sent anything.
+    pub const fn is_heard(&self) -> bool {
+        self.last_seq > 0
+    }
+
+    /// Control cycles in a row for which its command was there in time.
+    pub const fn answers(&self) -> u64 {
+        self.answers
+    }
+
+    /// Its command of the cycle before the one taken last, if it had one.
+    pub const fn before(&self) -> Option<Command> {
+        self.before
+    }
+
+    /// Keeps a command until its tick. False if it is old, or if there is no room.
+    pub fn keep(&mut self, command: &Command) -> bool {
+        let fresh = command.seq > self.last_seq;
+        let newer = self.taken.is_none_or(|taken| command.effective_tick > taken.effective_tick);
+        if !(fresh && newer) {
+            return false;
+        }
+        self.last_seq = command.seq;
+        let place = self.pending.iter_mut().find(|slot| slot.is_none());
+        place.map(|slot| *slot = Some(*command)).is_some()
+    }
+
+    /// True if the lockstep clock has to wait for its command of `tick`: it is not there, and may come.
+    pub fn owes(&self, tick: Tick) -> bool {
+        let mut known = self.pending.iter().chain([&self.taken]).flatten();
+        self.pair.0 != 0 && !known.any(|command| command.effective_tick >= tick)
+    }
+
+    /// Takes the newest command whose time has come at `tick`, once.
+    pub fn due(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
+        let mut newest = None::<Command>;
+        for slot in &mut self.pending {
+            let Some(command) = slot.filter(|command| command.effective_tick <= tick) else { continue };
+            *slot = None;
+            if newest.is_none_or(|found| command.effective_tick > found.effective_tick) {
+                newest = Some(command);
+            }
+        }
+        let command = newest?;
+        self.before =
+            self.taken.filter(|taken| taken.effective_tick + period_ticks == command.effective_tick);
+        self.taken = Some(command);
+        Some(command)
+    }
+
+    /// Opens the cycle that begins at `tick`: as [`Self::due`], and counts whether it kept time.
+    pub fn open_cycle(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
+        let command = self.due(tick, period_ticks);
+        let in_time = command.is_some_and(|command| command.effective_tick == tick);
+        self.answers = if in_time { self.answers + 1 } else { 0 };
+        command
+    }
+}
