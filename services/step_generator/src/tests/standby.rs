@@ -196,7 +196,7 @@ fn a_change_of_controller_changes_the_twist_no_faster_than_a_stop() {
 #[test]
 fn a_standby_that_commands_the_same_leaves_no_bit_behind() {
     // A law that jumps, as Kanayama's does at a waypoint: what is not the handover's is not smoothed.
-    let law = |n: u64| if n % 3 == 0 { 0.037 } else { 0.011 };
+    let law = |n: u64| if n.is_multiple_of(3) { 0.037 } else { 0.011 };
     let drive = |alive: &dyn Fn(u64) -> bool| {
         let mut team = Team::new();
         let mut counts = std::vec![];
