@@ -2,7 +2,7 @@
 //!
 //! * [`wires`]: the block diagram as one const table; ports, start order, documentation read it.
 //! * [`messages`]: the `repr(C)` types on those wires, each with a versioned name and a layout hash.
-//! * [`block`]: what a box of the diagram is.
+//! * [`block`]: what a box of the diagram is; [`state`]: what it remembers, to be saved and loaded.
 //! * [`geometry`], [`segment`], [`chassis`], [`motors`], [`acceptance`], [`params`], [`latency`]: the words
 //!   the boxes share.
 //!
@@ -20,6 +20,7 @@ pub mod messages;
 pub mod motors;
 pub mod params;
 pub mod segment;
+pub mod state;
 pub mod wires;
 
 #[cfg(test)]
