@@ -3,7 +3,6 @@
 
 mod answers;
 mod drives;
-mod handover;
 mod symmetry;
 
 use super::*;

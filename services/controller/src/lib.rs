@@ -14,7 +14,7 @@ pub mod stanley;
 mod unicycle;
 
 use hilare_interfaces::acceptance::Acceptance;
-use hilare_interfaces::block::{Block, TICK_S, Tick};
+use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::messages::{Command, Fallback, Pose, Reference, ReferenceState};
@@ -167,15 +167,6 @@ pub struct ControllerInputs<'a> {
     pub pose: &'a Pose,
 }
 
-/// How the commands of a controller that takes over may depart from what acts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HandoverLimits {
-    /// Change of the linear velocity, m/s².
-    pub accel_mps2: f64,
-    /// Change of the yaw rate, rad/s².
-    pub accel_radps2: f64,
-}
-
 /// The box: a law with an identity, stamping its commands.
 pub struct Controller {
     law: Box<dyn ControlLaw>,
@@ -185,8 +176,6 @@ pub struct Controller {
     path_id: u64,
     acting: BodyTwist,
     prediction: Prediction,
-    /// In force from a handover until the law's own command is reached.
-    handover: Option<HandoverLimits>,
 }
 
 impl Controller {
@@ -197,16 +186,7 @@ impl Controller {
         period_ticks: u64,
         prediction: Prediction,
     ) -> Self {
-        let acting = BodyTwist::ZERO;
-        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting, prediction, handover: None }
-    }
-
-    /// Takes over from a controller whose command `acting` acts: from there the commands approach the
-    /// law's own no faster than `limits` allow.
-    pub fn take_over(&mut self, acting: BodyTwist, limits: HandoverLimits) {
-        self.acting = acting;
-        self.prediction.assume(acting);
-        self.handover = Some(limits);
+        Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO, prediction }
     }
 
     /// The law's answer, in the robot's own frame.
@@ -219,26 +199,6 @@ impl Controller {
         let acting = self.acting.turned(-crab_rad);
         let output = self.law.step(LawInputs { pose: course, reference, acting });
         LawOutput { twist: output.twist.turned(crab_rad), ..output }
-    }
-
-    /// `wanted`, or as near to it as a handover under way allows. What the step generator would cut
-    /// off is not approached: a law may ask for a hundred times the yaw rate there is, and change its
-    /// mind before a bounded change has got there.
-    fn approach(&mut self, wanted: BodyTwist) -> BodyTwist {
-        let Some(limits) = self.handover.filter(|_| wanted.is_finite()) else { return wanted };
-        let own = wanted;
-        let wanted = self.prediction.carried_out(own);
-        let period_s = self.period_ticks as f64 * TICK_S;
-        let from = self.acting;
-        let (dx, dy) = (wanted.vx_mps - from.vx_mps, wanted.vy_mps - from.vy_mps);
-        let turn = wanted.omega_radps - from.omega_radps;
-        let linear = libm::hypot(dx, dy) / (limits.accel_mps2 * period_s);
-        let share = linear.max(turn.abs() / (limits.accel_radps2 * period_s));
-        if share <= 1.0 {
-            self.handover = None;
-            return own;
-        }
-        BodyTwist::new(from.vx_mps + dx / share, from.vy_mps + dy / share, from.omega_radps + turn / share)
     }
 }
 
@@ -257,7 +217,7 @@ impl Block for Controller {
         } else {
             LawOutput::sound(BodyTwist::ZERO)
         };
-        let twist = self.approach(output.twist);
+        let twist = output.twist;
         // What was commanded last acts until this command does.
         self.prediction.note(self.acting);
         self.acting = twist;

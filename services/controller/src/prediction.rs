@@ -62,12 +62,6 @@ impl Prediction {
         }
     }
 
-    /// The robot has been told `twist` for longer than anything here reaches back.
-    pub fn assume(&mut self, twist: BodyTwist) {
-        let carried_out = self.carried_out(twist);
-        self.twists.fill(carried_out);
-    }
-
     /// A period has passed in which `twist` acted, as far as the input constraints let it.
     pub fn note(&mut self, twist: BodyTwist) {
         self.newest = (self.newest + 1) % self.twists.len();
@@ -75,7 +69,7 @@ impl Prediction {
     }
 
     /// What the input constraints let through of a command.
-    pub fn carried_out(&self, twist: BodyTwist) -> BodyTwist {
+    fn carried_out(&self, twist: BodyTwist) -> BodyTwist {
         if !twist.is_finite() {
             return BodyTwist::ZERO;
         }
@@ -123,6 +117,12 @@ mod tests {
     use hilare_interfaces::chassis::MecanumParams;
 
     const PERIOD: u64 = 10;
+
+    /// Has been told `twist` for longer than anything here reaches back.
+    fn used_to(twist: BodyTwist, mut prediction: Prediction) -> Prediction {
+        (0..prediction.twists.len()).for_each(|_| prediction.note(twist));
+        prediction
+    }
 
     fn prediction(drive_lag_s: f64) -> Prediction {
         let setup = LawSetup {
@@ -179,8 +179,7 @@ mod tests {
 
     #[test]
     fn a_fresh_pose_is_passed_on_to_the_bit_and_a_blind_camera_is_not_trusted_for_ever() {
-        let mut prediction = prediction(0.0);
-        prediction.assume(BodyTwist::new(0.3, 0.0, 0.1));
+        let prediction = used_to(BodyTwist::new(0.3, 0.0, 0.1), prediction(0.0));
         let pose = WorldPose::new(0.1, 0.2, 0.3);
         assert_eq!(prediction.present(&Pose::at(7000, pose), 7000), pose);
         let old = Pose { measured_tick: 0, ..Pose::at(7000, WorldPose::default()) };
@@ -192,8 +191,7 @@ mod tests {
 
     #[test]
     fn what_no_robot_can_do_is_not_reckoned_with() {
-        let mut prediction = prediction(0.0);
-        prediction.assume(BodyTwist::new(5.0, 0.0, 1e9));
+        let mut prediction = used_to(BodyTwist::new(5.0, 0.0, 1e9), prediction(0.0));
         let old = Pose { measured_tick: 900, ..Pose::at(1000, WorldPose::default()) };
         let present = prediction.present(&old, 1000);
         assert!(present.theta_rad <= 0.2 + 1e-9 && present.x_m <= 0.1, "{present:?}");

@@ -3,6 +3,7 @@
 use super::*;
 use core::f64::consts::FRAC_PI_2;
 use hilare_interfaces::acceptance::Acceptance;
+use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::geometry::WorldPoint;
 
 /// A robot that does what it is told, within its limits, the selector's rule included.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::prediction::{Prediction, PredictionParams};
-use crate::{Controller, ControllerInputs, HandoverLimits, Identity, TwistLimits};
+use crate::{Controller, ControllerInputs, Identity, TwistLimits};
 use hilare_interfaces::block::Block;
 use hilare_interfaces::chassis::{Chassis, MecanumParams};
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
@@ -11,6 +11,8 @@ use hilare_interfaces::messages::{Command, Pose, Reference, ReferenceState, Wayp
 use hilare_interfaces::segment::Segment;
 
 pub(super) const PERIOD_TICKS: u64 = 5;
+/// At least as many as are reckoned with.
+const REMEMBERED_PERIODS: usize = 400;
 const LIMITS: TwistLimits = TwistLimits { v_min_mps: 0.0, v_max_mps: 0.8, omega_max_radps: 0.747 };
 
 pub(super) fn chassis() -> Chassis {
@@ -235,16 +237,14 @@ pub(super) fn drive(
     Run { deviations, commands }
 }
 
-/// The law behind what every law is spared, taking over while `acting` acts.
+/// The law behind what every law is spared, on a robot that has been told `acting` for long.
 fn controller(values: &[(&'static str, f64)], acting: BodyTwist, lags: Lags) -> Controller {
     let chassis = chassis();
     let setup = setup(&chassis, lags.period_ticks, values);
     let drive_lag_s = if lags.predict { lags.servo_s } else { 0.0 };
-    let prediction = Prediction::new(PredictionParams { predict: lags.predict, drive_lag_s }, &setup);
+    let mut prediction = Prediction::new(PredictionParams { predict: lags.predict, drive_lag_s }, &setup);
+    (0..REMEMBERED_PERIODS).for_each(|_| prediction.note(acting));
     let law = build(&setup).expect("builds");
-    let mut controller =
-        Controller::new(law, Identity { source: 1, epoch: 1 }, lags.period_ticks, prediction);
-    let limits = HandoverLimits { accel_mps2: 1e9, accel_radps2: 1e9 };
-    controller.take_over(acting, limits);
-    controller
+    let identity = Identity { source: 1, epoch: 1 };
+    Controller { acting, ..Controller::new(law, identity, lags.period_ticks, prediction) }
 }

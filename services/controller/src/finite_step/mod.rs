@@ -257,7 +257,7 @@ impl FiniteStepLaw {
         let first = bounds.first_jump_mps;
         let (turn, mut v_x) = (course.turn.rate_radps(k, self.sample_s), course.v_x[k]);
         if bounds.ends || course.fallback != Fallback::None {
-            // A plan in progress that another controller's command or a cut sample has come into.
+            // A plan in progress that a cut sample has come into.
             v_x = v_x.max(now_mps - first).min(now_mps + first);
         }
         let heading = if self.params.receding || k == 0 {
