@@ -3,6 +3,7 @@
 
 mod answers;
 mod drives;
+mod restore;
 mod symmetry;
 
 use super::*;
@@ -35,16 +36,25 @@ struct Case {
 
 impl Case {
     fn new(spec: &'static LawSpec, chassis: Chassis) -> Self {
+        Self::with(spec, chassis, &[], PredictionParams::default())
+    }
+
+    fn with(
+        spec: &'static LawSpec,
+        chassis: Chassis,
+        values: &[(&'static str, f64)],
+        prediction: PredictionParams,
+    ) -> Self {
         let setup = LawSetup {
             chassis: &chassis,
             limits: LIMITS,
             acceptance_radius_m: ACCEPTANCE_M,
             acceptance: spec.acceptance,
             period_ticks: PERIOD,
-            values: &[],
+            values,
         };
-        let law = (spec.build)(&setup).expect("defaults build");
-        let prediction = Prediction::new(PredictionParams::default(), &setup);
+        let law = (spec.build)(&setup).expect("builds");
+        let prediction = Prediction::new(prediction, &setup);
         Self { spec, chassis, law, prediction }
     }
 

@@ -19,6 +19,7 @@ use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::messages::{Command, Fallback, Pose, Reference, ReferenceState};
 use hilare_interfaces::params::{ParamError, ParamSpec};
+use hilare_interfaces::state::{StateWords, Stateful};
 use prediction::Prediction;
 
 /// Every law that can be named.
@@ -147,6 +148,10 @@ pub trait ControlLaw: Send {
 
     /// Forgets everything learnt since it was built.
     fn reset(&mut self);
+
+    /// Shows what it remembers, as [`Stateful::visit_state`]: all that a later answer hangs on and that is no
+    /// parameter. A law without memory has nothing to show.
+    fn visit_state(&mut self, _words: &mut StateWords<'_>) {}
 }
 
 /// Who a controller process is, from launch.
@@ -218,9 +223,9 @@ impl Block for Controller {
             LawOutput::sound(BodyTwist::ZERO)
         };
         let twist = output.twist;
-        // What was commanded last acts until this command does.
+        // What was commanded last acts until this command does; no step generator takes nonsense.
         self.prediction.note(self.acting);
-        self.acting = twist;
+        self.acting = if twist.is_finite() { twist } else { BodyTwist::ZERO };
         self.seq += 1;
         Command {
             source: self.identity.source,
@@ -233,6 +238,17 @@ impl Block for Controller {
             omega_radps: twist.omega_radps,
             fallback: output.fallback.code(),
         }
+    }
+}
+
+impl Stateful for Controller {
+    /// Identity and number of the last command are the process's own. A controller that takes on another
+    /// one's state goes on with the next tick's reference and pose as that one would have.
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.path_id);
+        words.twist(&mut self.acting);
+        self.prediction.visit_state(words);
+        self.law.visit_state(words);
     }
 }
 

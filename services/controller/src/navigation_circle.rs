@@ -41,6 +41,7 @@ use hilare_interfaces::geometry::{BodyTwist, WorldPose, wrap_angle_rad};
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
 use hilare_interfaces::segment::Segment;
+use hilare_interfaces::state::StateWords;
 
 param_group! {
     /// Circle and PID.
@@ -167,6 +168,8 @@ impl ControlLaw for NavigationCircle {
         };
         let learnt = twist(integral);
         if !learnt.is_finite() {
+            // So that it is a matter of this sample alone.
+            (self.slope_radps, self.before) = (0.0, None);
             return LawOutput::sound(BodyTwist::ZERO);
         }
         let learn =
@@ -184,6 +187,15 @@ impl ControlLaw for NavigationCircle {
         self.integral_rad = 0.0;
         self.slope_radps = 0.0;
         self.before = None;
+    }
+
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.number(&mut self.integral_rad);
+        words.require(self.integral_rad.abs() <= self.params.integral_max_rad);
+        words.number(&mut self.slope_radps);
+        // It is a mean of differences of wrapped angles.
+        words.require(self.slope_radps.abs() <= (1.0 + 1e-9) * core::f64::consts::PI / self.sample_s);
+        words.option(&mut self.before, WorldPose::default(), |pose, words| words.pose(pose));
     }
 }
 

@@ -20,6 +20,7 @@ use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::messages::Pose;
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{STATE_WORDS, StateWords, Stateful};
 
 param_group! {
     /// What every law is spared.
@@ -34,6 +35,9 @@ param_group! {
 
 /// Oldest pose that is moved on by its whole age; an older one is of a camera that has gone blind.
 const AGE_MAX_S: f64 = 1.0;
+/// Most periods that are remembered; what acted before them is taken to be as in the oldest. A twelfth of
+/// the state's words is left for the rest of a controller. With periods of a tick it is 1.25 s.
+const PERIODS_MAX: usize = STATE_WORDS * 11 / 12 / 3;
 
 /// What the robot was told, and can do.
 #[derive(Clone, Debug)]
@@ -57,7 +61,7 @@ impl Prediction {
             chassis: *setup.chassis,
             limits: setup.limits,
             period_ticks,
-            twists: vec![BodyTwist::ZERO; libm::ceil(longest) as usize + 1],
+            twists: vec![BodyTwist::ZERO; (libm::ceil(longest) as usize + 1).min(PERIODS_MAX)],
             newest: 0,
         }
     }
@@ -96,6 +100,13 @@ impl Prediction {
         }
         (0..whole).rev().for_each(|age| go(age, period_s));
         moving
+    }
+}
+
+impl Stateful for Prediction {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.index(&mut self.newest, self.twists.len());
+        self.twists.iter_mut().for_each(|twist| words.twist(twist));
     }
 }
 

@@ -7,14 +7,14 @@ use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::geometry::WorldPoint;
 
 /// A robot that does what it is told, within its limits, the selector's rule included.
-#[derive(Clone)]
 pub(super) struct Robot {
-    pub(super) chassis: Chassis,
+    chassis: Chassis,
     rule: Acceptance,
     path: Vec<Waypoint>,
+    path_id: u64,
     index: usize,
     was_inside: bool,
-    pose: WorldPose,
+    pub(super) pose: WorldPose,
     /// The commands of this period and the next, as the step generator lets them through.
     acting: BodyTwist,
     next: BodyTwist,
@@ -30,6 +30,7 @@ impl Robot {
             chassis: case.chassis,
             rule: case.spec.acceptance,
             path: path.to_vec(),
+            path_id: 1,
             index: 1,
             was_inside: false,
             pose: WorldPose::new(path[0].x_m, path[0].y_m, 0.0),
@@ -55,8 +56,16 @@ impl Robot {
         left || passed || (inside && nearer)
     }
 
-    /// One control period; the command given in it, or `None` once it has arrived.
-    pub(super) fn period(&mut self, controller: &mut Controller) -> Option<BodyTwist> {
+    /// Follows another path from here on.
+    pub(super) fn follow(&mut self, path: &[Waypoint]) {
+        self.path = path.to_vec();
+        self.index = 1;
+        self.was_inside = false;
+        self.path_id += 1;
+    }
+
+    /// What a controller sees in this control period, or `None` once it has arrived.
+    pub(super) fn look(&mut self) -> Option<(Reference, Pose)> {
         if self.accepts(self.pose.position()) {
             self.index += 1;
             self.was_inside = false;
@@ -64,15 +73,26 @@ impl Robot {
         if self.index >= self.path.len() {
             return None;
         }
-        let reference = reference(&self.path[self.index - 1..]);
+        let mut reference = reference(&self.path[self.index - 1..]);
+        (reference.path_id, reference.index) = (self.path_id, self.index as u64);
         self.off.push(reference.segment().cross_track_m(self.pose.position()).abs());
-        let pose = Pose::at(self.periods * PERIOD, self.pose);
-        let inputs = ControllerInputs { reference: &reference, pose: &pose };
-        let command = controller.step(pose.tick, inputs).twist().expect("finite");
+        Some((reference, Pose::at(self.periods * PERIOD, self.pose)))
+    }
+
+    /// Carries a command out, from the next period on.
+    pub(super) fn act(&mut self, command: BodyTwist) {
         self.acting = self.next;
         self.next = LIMITS.carried_out(&self.chassis, command);
         self.pose = moved(self.pose, self.acting, PERIOD as f64 * TICK_S);
         self.periods += 1;
+    }
+
+    /// One control period; the command given in it, or `None` once it has arrived.
+    pub(super) fn period(&mut self, controller: &mut Controller) -> Option<BodyTwist> {
+        let (reference, pose) = self.look()?;
+        let inputs = ControllerInputs { reference: &reference, pose: &pose };
+        let command = controller.step(pose.tick, inputs).twist().expect("finite");
+        self.act(command);
         Some(command)
     }
 }

@@ -20,7 +20,7 @@
 use super::plan::{Bounds, Deviation, Model, STEPS_CAP, Turn};
 use crate::in_place;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT};
+use clarabel::solver::{DefaultSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT};
 
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
 const TOLERANCE: f64 = 1e-10;
@@ -154,7 +154,7 @@ impl LeastEffort {
         let mut inner =
             DefaultSolver::new(&effort, &vec![0.0; len], &matrix, &bound, &cones, settings).ok()?;
         // The first solve allocates more than the later ones (one, clarabel's timers).
-        inner.solve();
+        in_place::solve(&mut inner);
         Some(Self { inner, len, matrix: matrix.nzval, bound, ends })
     }
 
@@ -170,7 +170,7 @@ impl LeastEffort {
         self.write(&solved, scale);
         self.inner.update_A(&self.matrix).ok()?;
         self.inner.update_b(&self.bound).ok()?;
-        self.inner.solve();
+        in_place::solve(&mut self.inner);
         let solution = &self.inner.solution;
         if !matches!(solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved)
             || !solution.x.iter().all(|value| value.is_finite())

@@ -45,6 +45,7 @@ use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::{ParamError, ParamGroup};
+use hilare_interfaces::state::{StateWords, Stateful};
 use plan::{Bounds, Deviation, FiniteStep, Model, STEPS_CAP, Turn};
 use sight::{Leg, Sight};
 
@@ -121,6 +122,10 @@ struct Course {
 }
 
 impl Course {
+    /// What one is loaded over.
+    const BLANK: Self =
+        Self { steps: 1, done: 0, v_x: [0.0; STEPS_CAP], turn: Turn::NONE, fallback: Fallback::None };
+
     /// In closed form.
     fn closed(plan: &FiniteStep) -> Self {
         let v_x = core::array::from_fn(|k| plan.v_x(k));
@@ -129,6 +134,16 @@ impl Course {
 
     const fn left(&self) -> usize {
         self.steps.saturating_sub(self.done)
+    }
+}
+
+impl Stateful for Course {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.index(&mut self.steps, STEPS_CAP + 1);
+        words.index(&mut self.done, self.steps + 1);
+        words.finite(&mut self.v_x);
+        self.turn.visit_state(words);
+        words.code(&mut self.fallback, Fallback::code, Fallback::from_code);
     }
 }
 
@@ -303,6 +318,15 @@ impl ControlLaw for FiniteStepLaw {
         self.course = None;
         self.leg = None;
         self.left = 0;
+    }
+
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.option(&mut self.course, Course::BLANK, Course::visit_state);
+        words.option(&mut self.leg, Leg::default(), Leg::visit_state);
+        words.number(&mut self.crab_rad);
+        words.count(&mut self.left, self.periods + 1);
+        words.twist(&mut self.held.twist);
+        words.code(&mut self.held.fallback, Fallback::code, Fallback::from_code);
     }
 }
 

@@ -19,6 +19,8 @@
 //! Outside its validity, |e_θ| ≤ 8°, (12) is not used as it stands: the robot drives no faster than that
 //! its drift T v_τ e_θ stays that of the rim, and facing backwards it only turns.
 
+use hilare_interfaces::state::{StateWords, Stateful};
+
 /// Most steps a plan can have.
 pub const STEPS_CAP: usize = 40;
 
@@ -95,6 +97,9 @@ pub struct Turn {
 }
 
 impl Turn {
+    /// Of no deviation.
+    pub const NONE: Self = Self { start_rad: 0.0, step_rad: 0.0 };
+
     /// To zero in `steps`: `// [Qian18] (16)`.
     pub fn within(start_rad: f64, steps: usize) -> Self {
         Self::by(start_rad, start_rad.abs() / steps.max(1) as f64)
@@ -114,6 +119,13 @@ impl Turn {
     /// Δω(k), rad/s.
     pub fn rate_radps(&self, k: usize, sample_s: f64) -> f64 {
         (self.heading_rad(k) - self.heading_rad(k + 1)) / sample_s
+    }
+}
+
+impl Stateful for Turn {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.finite(core::slice::from_mut(&mut self.start_rad));
+        words.finite(core::slice::from_mut(&mut self.step_rad));
     }
 }
 

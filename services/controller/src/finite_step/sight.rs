@@ -3,13 +3,20 @@
 use super::plan::Deviation;
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
 use hilare_interfaces::messages::Reference;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Distances beyond this are as good as this, m.
 const FAR_M: f64 = 1e6;
 
 /// A segment of the path under way: the index of its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Leg(u64);
+
+impl Stateful for Leg {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.0);
+    }
+}
 
 /// What is to be corrected.
 #[derive(Clone, Copy, Debug, PartialEq)]

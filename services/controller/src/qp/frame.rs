@@ -15,6 +15,7 @@
 use crate::TwistLimits;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{PREVIEW, Reference, Waypoint};
+use hilare_interfaces::state::StateWords;
 
 /// Farther away than this a waypoint is taken for this far, m, so that squares stay numbers.
 const FAR_M: f64 = 1e9;
@@ -82,6 +83,16 @@ impl Scale {
         let omega_radps = limits.omega_max_radps;
         let usable = speed_mps > 1e-6 && omega_radps > 1e-6;
         usable.then(|| Self { radius_m: speed_mps / omega_radps, speed_mps, omega_radps })
+    }
+
+    /// Shows the scale of a plan to `words`: a robot's is known by its speed. Only one that `limits` have is
+    /// loaded.
+    pub fn visit_state(scale: &mut Option<Self>, limits: &TwistLimits, words: &mut StateWords<'_>) {
+        let mut speed_mps = scale.map(|scale| scale.speed_mps);
+        words.option(&mut speed_mps, 0.0, |speed_mps, words| words.number(speed_mps));
+        let known = speed_mps.and_then(|speed_mps| Self::new(speed_mps, limits));
+        words.require(known.map(|scale| scale.speed_mps) == speed_mps);
+        *scale = known;
     }
 }
 

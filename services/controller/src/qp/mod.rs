@@ -47,9 +47,10 @@ use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Fallback;
 use hilare_interfaces::param_group;
 use hilare_interfaces::params::ParamGroup;
+use hilare_interfaces::state::StateWords;
 use model::Model;
 use omni::Omni;
-use rollout::{Grid, Plan, Rollout};
+use rollout::{Grid, Plan, Rollout, STAGES};
 use solver::{Bounds, Numbers, Solver, StageBounds};
 use weights::Weights;
 
@@ -173,6 +174,11 @@ impl Qp {
         self.solver.as_ref().map(Solver::numbers)
     }
 
+    fn new_grid(&self, scale: &Scale) -> Grid {
+        let reach = scale.radius_m.max(2.0 * self.acceptance_m) / scale.radius_m;
+        Grid::new(self.params.horizon * reach)
+    }
+
     fn bounds(&self, scale: &Scale, acting: BodyTwist) -> Bounds {
         let v_hi = scale.speed_mps;
         let motor_straight = self.chassis.motor_use(BodyTwist::new(v_hi, 0.0, 0.0));
@@ -208,9 +214,10 @@ impl Qp {
         }
         let grid = &self.grid;
         let mut best_cost = f64::INFINITY;
+        self.rollout.follow(&self.plan, grid, &self.track);
         if travelled.is_some() {
-            self.rollout.follow(&self.plan, grid, &self.track);
-            best_cost = self.rollout.cost(&self.plan, grid, &self.track, weights);
+            // A plan without a cost is worse than any.
+            best_cost = self.rollout.cost(&self.plan, grid, &self.track, weights).min(best_cost);
         }
         for tightest in HELMSMEN {
             let mut steered = Plan::STRAIGHT;
@@ -267,12 +274,11 @@ impl ControlLaw for Qp {
             return LawOutput { twist: BodyTwist::new(vx_mps, 0.0, 0.0), fallback: Fallback::NoMotion };
         };
         let start = moved(inputs.pose, inputs.acting, self.period_s);
-        let reach = scale.radius_m.max(2.0 * self.acceptance_m) / scale.radius_m;
         let weights = Weights::new(&self.params, &scale);
         let travelled = (self.scale == Some(scale))
             .then_some(inputs.acting.vx_mps.max(0.0) * self.period_s / scale.radius_m);
         if travelled.is_none() {
-            self.grid = Grid::new(self.params.horizon * reach);
+            (self.grid, self.plan) = (self.new_grid(&scale), Plan::STRAIGHT);
         }
         self.scale = Some(scale);
         self.track.look(inputs.reference, start, &scale, self.acceptance_m);
@@ -284,8 +290,23 @@ impl ControlLaw for Qp {
     }
 
     fn reset(&mut self) {
-        self.plan = Plan::STRAIGHT;
         self.scale = None;
+    }
+
+    /// The plan, and how far into its first stage it is: of the grid nothing else changes. What the solver
+    /// holds is of its last problem, and the next one begins without it ([`in_place`](crate::in_place)).
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        Scale::visit_state(&mut self.scale, &self.limits, words);
+        let Some(scale) = self.scale else { return };
+        if words.is_loading() {
+            self.grid = self.new_grid(&scale);
+        }
+        let whole = self.grid.travel[STAGES - 1];
+        words.number(&mut self.grid.travel[0]);
+        words.require((0.0..=2.0 * whole).contains(&self.grid.travel[0]));
+        words.finite(&mut self.plan.curvature);
+        words.finite(&mut self.plan.slowness);
+        words.require(self.plan.slowness.iter().all(|slowness| *slowness > 0.0));
     }
 }
 

@@ -18,7 +18,7 @@ use super::model::{Model, TRIANGLE, entry};
 use super::rollout::{Plan, STAGES};
 use crate::in_place;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
+use clarabel::solver::{DefaultSettings, DefaultSolver, NonnegativeConeT, SolverStatus};
 use hilare_interfaces::messages::Fallback;
 
 /// Gap and feasibility at which the solver stops; the problem's numbers are near 1.
@@ -121,7 +121,7 @@ impl Solver {
         let cones = [NonnegativeConeT(rows * STAGES)];
         let mut inner = DefaultSolver::new(&hessian, &gradient, &matrix, &bound, &cones, settings).ok()?;
         // The first solve allocates more than the later ones (one, clarabel's timers).
-        inner.solve();
+        in_place::solve(&mut inner);
         Some(Self { inner, rows, hessian, gradient, matrix, bound })
     }
 
@@ -136,7 +136,7 @@ impl Solver {
         if !updated {
             return Outcome { fallback: Fallback::Unsolved, iterations: 0 };
         }
-        self.inner.solve();
+        in_place::solve(&mut self.inner);
         let solution = &self.inner.solution;
         let fallback = meaning(solution.status, &solution.x);
         if fallback != Fallback::Unsolved {

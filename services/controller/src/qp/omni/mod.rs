@@ -36,6 +36,7 @@ use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::MecanumParams;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Fallback;
+use hilare_interfaces::state::{StateWords, Stateful};
 use limits::Limits;
 use programme::{Plan, Problem, Programme, Rows, Weights};
 use wanted::{Grid, Wanted};
@@ -247,6 +248,18 @@ impl ControlLaw for Omni {
         self.scale = None;
         self.next = BodyTwist::ZERO;
         self.wanted.reset();
+    }
+
+    /// Of a plan the progress and the turning, at all nodes but the first, where both are 0. What the solver
+    /// holds is of its last problem, and the next one begins without it ([`in_place`](crate::in_place)).
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.wanted.visit_state(words);
+        words.twist(&mut self.next);
+        Scale::visit_state(&mut self.scale, &self.twist_limits, words);
+        if self.scale.is_some() {
+            words.finite(&mut self.progress[1..]);
+            words.finite(&mut self.plan.turned[1..]);
+        }
     }
 }
 

@@ -28,7 +28,7 @@ use super::wanted::{Grid, Wanted};
 use crate::in_place;
 use crate::qp::frame::Vector;
 use crate::qp::solver::{Numbers, Outcome, meaning};
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, ZeroConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, NonnegativeConeT, ZeroConeT};
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Fallback;
 
@@ -166,7 +166,7 @@ impl Programme {
         let (p, a) = (&hessian.matrix, &matrix.matrix);
         let mut inner = DefaultSolver::new(p, &gradient, a, &bound, &cones, settings).ok()?;
         // The first solve allocates more than the later ones (one, clarabel's timers).
-        inner.solve();
+        in_place::solve(&mut inner);
         Some(Self { inner, rows, hessian, matrix, gradient, bound })
     }
 
@@ -181,7 +181,7 @@ impl Programme {
         if !updated {
             return Outcome { fallback: Fallback::Unsolved, iterations: 0 };
         }
-        self.inner.solve();
+        in_place::solve(&mut self.inner);
         let solution = &self.inner.solution;
         let fallback = meaning(solution.status, &solution.x);
         if fallback != Fallback::Unsolved {

@@ -15,6 +15,7 @@ use super::STAGES;
 use crate::qp::frame::{Leg, MAX_LEGS, Track, Vector};
 use core::f64::consts::{PI, TAU};
 use hilare_interfaces::geometry::wrap_angle_rad;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Times of the plan, in 1/ω_max: the first stage is a control period, each further one longer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -198,6 +199,13 @@ impl Wanted {
         for heading in &mut self.headings[..legs.len()] {
             *heading += lacking - now;
         }
+    }
+}
+
+impl Stateful for Wanted {
+    /// Everything else is looked at anew.
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.finite(core::slice::from_mut(&mut self.lacking));
     }
 }
 
