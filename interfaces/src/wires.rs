@@ -103,7 +103,7 @@ pub struct Wire {
     pub rate: Rate,
     /// Messages a reader can be behind before it loses the oldest.
     pub buffer: usize,
-    /// Messages a late reader still gets.
+    /// Messages a late reader still gets: of a successor, what came while its box was away.
     pub history: usize,
     /// What it is.
     pub doc: &'static str,
@@ -116,6 +116,9 @@ const fn wakes(role: Role) -> Reader {
 const fn polls(role: Role) -> Reader {
     Reader { role, wakes: false }
 }
+
+/// Ticks a process may be away and still find everything of them when its successor comes.
+const SUCCESSOR_TICKS: usize = 768;
 
 const ALL: &[Role] = &Role::WORKERS;
 
@@ -171,7 +174,7 @@ pub const REFERENCE: Wire = Wire {
     to: &[wakes(Role::Controller), polls(Role::Recorder), polls(Role::Launch)],
     rate: Rate::EveryPeriod,
     buffer: 256,
-    history: 0,
+    history: 2,
     doc: "last, current and coming waypoints, index, total, speed",
 };
 
@@ -214,7 +217,7 @@ pub const STEPS: Wire = Wire {
     to: &[wakes(Role::PoseEstimator), wakes(Role::Plant), polls(Role::Recorder), polls(Role::Launch)],
     rate: Rate::EveryTick,
     buffer: 1024,
-    history: 0,
+    history: SUCCESSOR_TICKS,
     doc: "cumulative signed counts a wheel, commanded wheel speeds",
 };
 
@@ -228,7 +231,7 @@ pub const WHEELS: Wire = Wire {
     to: &[wakes(Role::PoseEstimator)],
     rate: Rate::EveryTick,
     buffer: 1024,
-    history: 0,
+    history: SUCCESSOR_TICKS,
     doc: "cumulative encoder counts, where the robot has encoders or a camera",
 };
 
@@ -243,7 +246,7 @@ pub const FIX: Wire = Wire {
     to: &[polls(Role::PoseEstimator)],
     rate: Rate::OnDemand,
     buffer: 1024,
-    history: 0,
+    history: 64,
     doc: "pose measured from outside, late and noisy, where there is a camera",
 };
 
@@ -264,7 +267,7 @@ pub const POSE: Wire = Wire {
     ],
     rate: Rate::EveryTick,
     buffer: 1024,
-    history: 0,
+    history: 16,
     doc: "estimated pose in the world frame",
 };
 

@@ -24,6 +24,8 @@ pub struct End {
     pub lateness: Quantiles,
     /// Workers started again.
     pub restarts: u64,
+    /// Controllers and boxes swapped.
+    pub swaps: u64,
     /// Why it ended before it arrived.
     pub stopped_by: Option<String>,
     /// Something broke.
@@ -48,7 +50,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
         RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
         &handover.figures,
         scenario.system.chassis.wheels(),
-        Counters { swaps: 0, restarts: end.restarts },
+        Counters { swaps: end.swaps, restarts: end.restarts },
         end.lateness,
     );
     let radius_m = scenario.system.planner.robot_radius_m;

@@ -100,6 +100,12 @@ enum Verb {
         Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
     )]
     Compare(compare::CompareArgs),
+    /// Put another controller in charge, or give a box other parameters, while the robot drives
+    #[command(after_help = "Examples: hilare swap controller qp\n  \
+        hilare swap controller ./my_controller.py\n  \
+        hilare swap waypoint_selector --set tracking.speed_mps=0.03\n\
+        Exit codes: 0 done, 1 refused (the old one stays), 2 wrong use.")]
+    Swap(operate::SwapArgs),
     /// Print the block diagram the wires are built from
     #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
     Diagram(diagram::DiagramArgs),
@@ -136,10 +142,11 @@ pub fn main() -> ExitCode {
         Some(Verb::Status(args)) => operate::status(&args),
         Some(Verb::Stop(args)) => operate::order(&args, &crate::manager::control::Request::Stop),
         Some(Verb::Estop(args)) => operate::order(&args, &crate::manager::control::Request::Estop),
-        Some(Verb::Reset(args)) => operate::order(&args, &crate::manager::control::Request::Reset),
+        Some(Verb::Reset(args)) => operate::reset(&args),
         Some(Verb::Arm(args)) => operate::order(&args, &crate::manager::control::Request::Arm),
         Some(Verb::Follow(args)) => operate::follow(&args),
         Some(Verb::Goal(args)) => operate::goal(&args),
+        Some(Verb::Swap(args)) => operate::swap(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),

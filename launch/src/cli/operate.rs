@@ -1,8 +1,9 @@
 //! Verbs that speak to a running robot.
 
 use super::{VerbResult, print, refused};
+use crate::config::{Driver, System};
 use crate::manager::control::{Request, Response, ask};
-use crate::manager::robot_dir::{Living, living_robots, log_path};
+use crate::manager::robot_dir::{Living, estop_latch, latched_robots, living_robots, log_path};
 use crate::manager::{Failure, status::Status};
 use clap::Args;
 use std::fs::File;
@@ -43,6 +44,22 @@ pub struct GoalArgs {
     /// Final heading, radians; no planner promises one yet, so it is refused
     #[arg(value_name = "THETA", allow_negative_numbers = true)]
     theta_rad: Option<f64>,
+    #[command(flatten)]
+    robot: RobotArgs,
+}
+
+/// Options of `hilare swap`.
+#[derive(Args)]
+pub struct SwapArgs {
+    /// controller, planner or waypoint_selector
+    #[arg(value_name = "BOX")]
+    role: String,
+    /// Control law, or an executable (a name with a /)
+    #[arg(value_name = "LAW")]
+    law: Option<String>,
+    /// Set a key of that box alone, e.g. controller.qp.horizon=6 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
     #[command(flatten)]
     robot: RobotArgs,
 }
@@ -95,6 +112,23 @@ pub fn order(args: &RobotArgs, request: &Request) -> VerbResult {
     show(&send(&robot, request)?, args.json)
 }
 
+/// `hilare reset`: an emergency stop may be on of a robot that is not up.
+pub fn reset(args: &RobotArgs) -> VerbResult {
+    let failure = match choose(args.robot.as_ref()) {
+        Ok(robot) => return show(&send(&robot, &Request::Reset)?, args.json),
+        Err(failure) => failure,
+    };
+    let latched = latched_robots();
+    let robot = match (&args.robot, &latched[..]) {
+        (Some(robot), _) if latched.contains(robot) => robot,
+        (None, [only]) => only,
+        _ => return Err(failure),
+    };
+    let latch = estop_latch(robot);
+    std::fs::remove_file(&latch).map_err(|error| refused(format!("{}: {error}", latch.display())))?;
+    show(&Response::done(format!("emergency stop of {robot} released; it is not up")), args.json)
+}
+
 /// `hilare status`.
 pub fn status(args: &RobotArgs) -> VerbResult {
     let robot = choose(args.robot.as_ref())?;
@@ -136,6 +170,28 @@ pub fn follow(args: &FollowArgs) -> VerbResult {
     })?;
     let points = waypoints.iter().map(|point| [point.x_m, point.y_m, point.bulge, point.crab_rad]).collect();
     order(&args.robot, &Request::Follow(points))
+}
+
+/// `hilare swap`.
+pub fn swap(args: &SwapArgs) -> VerbResult {
+    // A law that there is not is known here: that is wrong use, not a fault of the robot.
+    if let Some(law) = args.law.as_deref().filter(|law| Driver::of(law).is_none()) {
+        let mut probe = System::default();
+        probe.set_all(&Driver::keys(law)).map_err(|error| {
+            let error = error.to_string();
+            refused(error.split_once(": ").map_or(error.clone(), |(_, what)| what.to_owned()))
+        })?;
+    }
+    // The robot's launch has another working directory, perhaps.
+    let driver = match args.law.as_deref() {
+        Some(program) if program.contains('/') => {
+            let program = std::path::absolute(program).map_err(refused)?;
+            Some(program.to_string_lossy().into_owned())
+        }
+        law => law.map(str::to_owned),
+    };
+    let request = Request::Swap { role: args.role.clone(), driver, set: args.set.clone() };
+    order(&args.robot, &request)
 }
 
 /// `hilare goal`.

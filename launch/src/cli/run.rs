@@ -2,7 +2,7 @@
 
 use super::ending::{End, report};
 use super::{VerbResult, refused};
-use crate::config::{Scenario, System, Task};
+use crate::config::{Driver, Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
 use crate::shell::in_process::InProcess;
@@ -48,9 +48,12 @@ pub struct RunArgs {
     /// Start pose instead: metres, metres, radians
     #[arg(long, value_name = "X,Y,THETA", allow_hyphen_values = true)]
     start: Option<String>,
-    /// Control law
+    /// Control law, or an executable that speaks the wires (a name with a /)
     #[arg(long, value_name = "LAW")]
     controller: Option<String>,
+    /// Law of a second controller that takes over within the tick
+    #[arg(long, value_name = "LAW")]
+    standby: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     pub(super) clock: ClockKind,
@@ -78,6 +81,7 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
         path: None,
         start: None,
         controller: None,
+        standby: None,
         clock: ClockKind::Real,
         seed: None,
         set: Vec::new(),
@@ -188,19 +192,7 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
         scenario.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     }
     let system = &mut scenario.system;
-    match &args.controller {
-        // With the keys, because only together they may make sense.
-        Some(law) => {
-            let key = format!("controller.law={law}");
-            let keys: Vec<&String> = args.set.iter().chain([&key]).collect();
-            system.set_all(&keys).map_err(|error| {
-                let error = error.to_string();
-                let own = error.strip_prefix(&format!("--set {key}: "));
-                refused(own.map_or_else(|| error.clone(), |what| format!("--controller {law}: {what}")))
-            })?;
-        }
-        None => system.set_all(&args.set).map_err(refused)?,
-    }
+    set_with_drivers(system, &args.set, args.controller.as_deref(), args.standby.as_deref())?;
     if let Some(seed) = args.seed {
         set_flag(system, "--seed", &seed.to_string(), &seed_keys(seed))?;
     }
@@ -211,6 +203,31 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
         set_flag(system, "--start", start, &start_keys(start)?)?;
     }
     Ok(scenario)
+}
+
+/// Sets `--set`, `--controller` and `--standby` at once, because only together they may make sense.
+pub(super) fn set_with_drivers(
+    system: &mut System,
+    set: &[String],
+    controller: Option<&str>,
+    standby: Option<&str>,
+) -> Result<(), Failure> {
+    let mut flags: Vec<(String, String)> = Vec::new();
+    for key in controller.into_iter().flat_map(Driver::keys) {
+        flags.push((format!("--controller {}", controller.unwrap_or_default()), key));
+    }
+    if let Some(name) = standby {
+        flags.push((format!("--standby {name}"), format!("controller.standby={name}")));
+    }
+    let keys: Vec<&String> = set.iter().chain(flags.iter().map(|(_, key)| key)).collect();
+    system.set_all(&keys).map_err(|error| {
+        let error = error.to_string();
+        // The assignments we made of the flags are nothing the user has written.
+        let own = flags.iter().find_map(|(flag, key)| {
+            error.strip_prefix(&format!("--set {key}: ")).map(|what| format!("{flag}: {what}"))
+        });
+        refused(own.unwrap_or(error))
+    })
 }
 
 /// The seeds of everything that is random.
@@ -283,6 +300,7 @@ fn run_in_process(drive: &Drive<'_>, max_ticks: Tick) -> Result<End, Failure> {
         trace_csv: record.trace.to_csv(),
         handover: Some(Handover { figures: record.statistics.figures(), gaps: 0 }),
         lateness: Quantiles::default(),
+        swaps: 0,
         restarts: 0,
     })
 }
@@ -306,8 +324,8 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
         if manager.arrived() {
             break None;
         }
-        if let Some(fault) = manager.fault() {
-            break Some(fault.to_owned());
+        if let Some(why) = manager.fault().or(manager.halted()) {
+            break Some(why.to_owned());
         }
         if manager.told_to_end() {
             break Some("interrupted".to_owned());
@@ -332,6 +350,7 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
         trace_csv,
         handover: outcome.handover,
         lateness: outcome.lateness,
+        swaps: outcome.swaps,
         restarts: outcome.restarts,
     })
 }

@@ -1,18 +1,23 @@
 //! `hilare service ROLE`: a worker process.
 
 use super::{VerbResult, refused};
+use crate::config::System;
 use crate::logging;
 use crate::manager::Failure;
 use crate::shell::ClockKind;
 use crate::shell::boxes::{ControllerProcess, EstimatorProcess, PlantProcess, SelectorProcess};
 use crate::shell::clock::ClockProcess;
 use crate::shell::observer::RecorderProcess;
+use crate::shell::page::PAGE_FD;
 use crate::shell::planning::PlannerProcess;
-use crate::shell::worker::{Assignment, Worker};
+use crate::shell::realtime::{self, CpuChoice};
+use crate::shell::transport::CONFIG_FILE;
+use crate::shell::worker::{Assignment, Worker, die_with_launch};
 use clap::Args;
 use hilare_interfaces::wires::Role;
-use std::path::PathBuf;
-use std::process::ExitCode;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
 use tracing::error;
 
 /// What launch tells a worker.
@@ -32,6 +37,16 @@ pub struct ServiceArgs {
     clock: ClockKind,
     #[arg(long)]
     launch_pid: i32,
+    /// System file in the runtime directory.
+    #[arg(long)]
+    system: String,
+    #[arg(long, allow_negative_numbers = true)]
+    cpu: i64,
+    #[arg(long)]
+    law: Option<String>,
+    /// A program that drives instead.
+    #[arg(long)]
+    exec: Option<PathBuf>,
 }
 
 /// Hosts one box until the end.
@@ -46,10 +61,17 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
         runtime_dir: args.runtime_dir.clone(),
         clock: args.clock,
         launch_pid: args.launch_pid,
+        system_file: args.system.clone(),
+        cpu: args.cpu,
+        law: args.law.clone(),
         epoch: args.epoch,
         incarnation: args.incarnation,
     };
-    match host(assignment) {
+    let ended = match &args.exec {
+        Some(program) => Err(become_program(program, &assignment)),
+        None => host(assignment),
+    };
+    match ended {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(why) => {
             error!("{why}");
@@ -58,14 +80,52 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
     }
 }
 
+/// Becomes a controller that is not ours, with what it has to know in its environment. Returns only if
+/// that fails.
+fn become_program(program: &Path, assignment: &Assignment) -> String {
+    let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
+    if let Err(why) = die_with_launch(assignment.launch_pid) {
+        return why;
+    }
+    let dir = &assignment.runtime_dir;
+    let system_file = dir.join(&assignment.system_file);
+    let system = match System::load(&system_file.to_string_lossy()) {
+        Ok(system) => system,
+        Err(error) => return failed(&error),
+    };
+    // A foreign program has a name of its own on the machine: its path as it was written.
+    let program = match std::path::absolute(program) {
+        Ok(program) => program,
+        Err(error) => return failed(&error),
+    };
+    let wanted = system.realtime(assignment.role);
+    let on_the_tick = assignment.clock == ClockKind::Real && wanted.priority > 0;
+    realtime::apply(realtime::Request {
+        priority: if on_the_tick { wanted.priority } else { 0 },
+        cpu: CpuChoice::from_key(assignment.cpu),
+        // Locks do not survive exec.
+        lock_memory: false,
+    });
+    let error = Command::new(&program)
+        .env("HILARE_ROBOT", &system.robot)
+        .env("HILARE_ICEORYX2_CONFIG", dir.join(CONFIG_FILE))
+        .env("HILARE_SYSTEM", &system_file)
+        .env("HILARE_SOURCE", (assignment.slot + 1).to_string())
+        .env("HILARE_EPOCH", assignment.epoch.to_string())
+        .env("HILARE_PERIOD_TICKS", system.timing.period_ticks.to_string())
+        .env_remove(PAGE_FD)
+        .exec();
+    failed(&error)
+}
+
 fn host(assignment: Assignment) -> Result<(), String> {
-    let worker = Worker::start(assignment)?;
+    let mut worker = Worker::start(assignment)?;
     match worker.assignment.role {
         Role::Planner => PlannerProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
-        Role::WaypointSelector => SelectorProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
+        Role::WaypointSelector => SelectorProcess::new(&mut worker).and_then(|hosted| worker.host(hosted)),
         Role::Controller => ControllerProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
-        Role::StepGenerator => ClockProcess::new(&worker).and_then(|clock| clock.run(worker)),
-        Role::PoseEstimator => EstimatorProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
+        Role::StepGenerator => ClockProcess::new(&mut worker).and_then(|clock| clock.run(worker)),
+        Role::PoseEstimator => EstimatorProcess::new(&mut worker).and_then(|hosted| worker.host(hosted)),
         Role::Plant => PlantProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Recorder => RecorderProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Launch => Err("launch is not a service".to_owned()),

@@ -1,6 +1,6 @@
 //! `hilare up`: a robot that stays up.
 
-use super::run::set_flag;
+use super::run::{set_flag, set_with_drivers};
 use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
@@ -32,6 +32,9 @@ pub struct UpArgs {
     /// Control law
     #[arg(long, value_name = "LAW")]
     controller: Option<String>,
+    /// Law of a second controller that takes over within the tick
+    #[arg(long, value_name = "LAW")]
+    standby: Option<String>,
     /// Write the merged log of all processes to this file as well [default with --detach: the runtime
     /// directory's ROBOT.log, kept if the robot ends with a fault]
     #[arg(long, value_name = "FILE")]
@@ -50,10 +53,7 @@ pub struct UpArgs {
 /// Brings a robot up; in the foreground until Ctrl-C or `hilare down`.
 pub fn up(args: &UpArgs) -> VerbResult {
     let mut system = System::load(&args.system).map_err(refused)?;
-    system.set_all(&args.set).map_err(refused)?;
-    if let Some(law) = &args.controller {
-        set_flag(&mut system, "--controller", law, &[format!("controller.law={law}")])?;
-    }
+    set_with_drivers(&mut system, &args.set, args.controller.as_deref(), args.standby.as_deref())?;
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
@@ -104,6 +104,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         ("--set", &args.set[..]),
         ("--robot", args.robot.as_slice()),
         ("--controller", args.controller.as_slice()),
+        ("--standby", args.standby.as_slice()),
     ] {
         for value in values {
             command.arg(format!("{flag}={value}"));

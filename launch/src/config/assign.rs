@@ -2,7 +2,8 @@
 
 use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
-use super::keys::{AS_THE_LAW_ASKS, Form, Section, TextSpec, join, keys};
+use super::keys::{Form, Section, join, keys};
+use super::texts::{AS_THE_LAW_ASKS, EXEC, LAW, STANDBY, TextSpec};
 use super::{System, conflict, suggest};
 use hilare_controller::law;
 use hilare_interfaces::acceptance::Acceptance;
@@ -79,7 +80,7 @@ pub(super) fn split_key(key: &str) -> (&str, &str) {
 }
 
 fn is_text_key(section: &str, name: &str) -> bool {
-    Section::all().any(|known| known.path() == section && known.text().is_some_and(|text| text.name == name))
+    Section::all().any(|known| known.path() == section && known.text(name).is_some())
 }
 
 /// Sets one key, or says what is wrong with it.
@@ -108,7 +109,7 @@ fn assign(system: &mut System, entry: &Entry<'_>) -> Result<(), String> {
             unknown_table(prefix, path, name)
         });
     }
-    if let Some(text) = section.text().filter(|text| text.name == *name) {
+    if let Some(text) = section.text(name) {
         return put_text(system, section, text, value).map_err(|what| format!("{full}: {what}"));
     }
     let Some(spec) = section.specs().iter().find(|spec| spec.name == *name) else {
@@ -178,6 +179,13 @@ fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Valu
             system.robot = text.to_owned();
         }
         Section::Planner => system.map = text.to_owned(),
+        Section::Controller if spec.name == EXEC.name => system.controller.exec = text.to_owned(),
+        Section::Controller if spec.name == STANDBY.name => {
+            if !(text.is_empty() || text.contains('/')) {
+                law(text).ok_or_else(|| suggest::unknown_choice(&LAW, text))?;
+            }
+            system.controller.standby = text.to_owned();
+        }
         Section::Controller => system.controller.law = law(text).ok_or_else(unknown)?,
         Section::Estimator => system.estimator = EstimatorKind::from_name(text).ok_or_else(unknown)?,
         Section::Tracking if text == AS_THE_LAW_ASKS => system.acceptance = None,
@@ -202,11 +210,13 @@ fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Valu
     Ok(())
 }
 
-/// The value of a section's text key.
-pub(super) fn text_value(system: &System, section: Section) -> &str {
+/// The value of a text key.
+pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSpec) -> &'s str {
     match section {
         Section::Top => &system.robot,
         Section::Planner => &system.map,
+        Section::Controller if spec.name == EXEC.name => &system.controller.exec,
+        Section::Controller if spec.name == STANDBY.name => &system.controller.standby,
         Section::Controller => system.controller.law.name,
         Section::Estimator => system.estimator.name(),
         Section::Tracking => system.acceptance.map_or(AS_THE_LAW_ASKS, Acceptance::name),

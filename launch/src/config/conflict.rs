@@ -1,10 +1,11 @@
 //! Values that are fine alone and do not fit each other.
 
-use super::System;
+use super::{Driver, System};
 use crate::shell::build;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 use hilare_pose_estimator::EstimatorKind;
+use std::os::unix::fs::PermissionsExt;
 
 /// Two or more keys that contradict each other.
 pub(super) struct Conflict {
@@ -33,6 +34,8 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| no_radius_left(system))
         .or_else(|| fixes_too_old(system))
         .or_else(|| law_of_parameters(system))
+        .or_else(|| standby_of_robot(system))
+        .or_else(|| programs(system))
 }
 
 fn reversed_limits(system: &System) -> Option<Conflict> {
@@ -111,6 +114,40 @@ fn law_of_parameters(system: &System) -> Option<Conflict> {
     let keys =
         [(section.as_str(), key), ("controller", "law"), ("timing", "period_ticks"), ("chassis", "kind")];
     Some(Conflict::new(&keys, what))
+}
+
+/// A standby that could not drive this robot is none.
+fn standby_of_robot(system: &System) -> Option<Conflict> {
+    let Some(Driver::Law(name)) = system.controller.standby() else { return None };
+    let law = hilare_controller::law(name)?;
+    let kind = system.chassis.name();
+    let keys = [("controller", "standby"), ("chassis", "kind")];
+    if !law.chassis.contains(&kind) {
+        let what = format!(
+            "controller.standby {:?} drives {} chassis, not {kind:?}; choose another law",
+            law.name,
+            law.chassis.join(" and ")
+        );
+        return Some(Conflict::new(&keys, what));
+    }
+    let (key, error) = build::law_of(system, law).err()?;
+    Some(Conflict::new(&keys, format!("controller.standby {:?}: {key}: {error}", law.name)))
+}
+
+/// Executables must be there before anything starts.
+fn programs(system: &System) -> Option<Conflict> {
+    let drivers = [("exec", Some(system.controller.driver())), ("standby", system.controller.standby())];
+    drivers.into_iter().find_map(|(key, driver)| {
+        let Some(Driver::Exec(program)) = driver else { return None };
+        let wrong = match std::fs::metadata(&program) {
+            Err(error) => error.to_string(),
+            Ok(file) if !file.is_file() => "not a file".to_owned(),
+            Ok(file) if file.permissions().mode() & 0o111 == 0 => "not executable; chmod +x".to_owned(),
+            Ok(_) => return None,
+        };
+        let what = format!("controller.{key}: {}: {wrong}", program.display());
+        Some(Conflict::new(&[("controller", key)], what))
+    })
 }
 
 /// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.

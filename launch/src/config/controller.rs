@@ -1,18 +1,74 @@
 //! Which law drives, and the parameters of every law.
 
 use super::group::Group;
-use hilare_controller::{LAWS, LawSpec};
+use hilare_controller::{LAWS, LawSpec, law};
 use std::fmt;
+use std::path::PathBuf;
+
+/// What drives in a controller process.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Driver {
+    /// One of our laws, by its name.
+    Law(&'static str),
+    /// Any program that speaks the wires.
+    Exec(PathBuf),
+}
+
+impl Driver {
+    /// The driver of a name: with a `/` it is an executable. `None` for a law there is not.
+    pub fn of(name: &str) -> Option<Self> {
+        if name.contains('/') {
+            Some(Self::Exec(name.into()))
+        } else {
+            law(name).map(|law| Self::Law(law.name))
+        }
+    }
+
+    /// Name for people.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Law(law) => (*law).to_owned(),
+            Self::Exec(program) => program.display().to_string(),
+        }
+    }
+
+    /// The assignments that put it in charge.
+    pub fn keys(name: &str) -> Vec<String> {
+        if name.contains('/') {
+            vec![format!("controller.exec={name}")]
+        } else {
+            vec![format!("controller.law={name}"), "controller.exec=".to_owned()]
+        }
+    }
+}
 
 /// The chosen law and the parameters of all of them, so that a swap finds its values in the file too.
 #[derive(Clone)]
 pub struct ControllerConfig {
     /// The law that drives.
     pub law: &'static LawSpec,
+    /// An executable that drives instead of the law; empty for none.
+    pub exec: String,
+    /// Law or executable of the standby; empty for none.
+    pub standby: String,
     pub(super) laws: Vec<LawValues>,
 }
 
 impl ControllerConfig {
+    /// What drives.
+    pub fn driver(&self) -> Driver {
+        if self.exec.is_empty() {
+            Driver::Law(self.law.name)
+        } else {
+            Driver::Exec(PathBuf::from(&self.exec))
+        }
+    }
+
+    /// What stands by, if anything.
+    pub fn standby(&self) -> Option<Driver> {
+        if self.standby.is_empty() { None } else { Driver::of(&self.standby) }
+    }
+
     /// Parameter values of the chosen law, in its order.
     pub fn values(&self) -> Vec<(&'static str, f64)> {
         self.values_of(self.law.name)
@@ -27,19 +83,26 @@ impl ControllerConfig {
 
 impl Default for ControllerConfig {
     fn default() -> Self {
-        Self { law: &LAWS[0], laws: LAWS.iter().map(LawValues::new).collect() }
+        let (exec, standby) = (String::new(), String::new());
+        Self { law: &LAWS[0], exec, standby, laws: LAWS.iter().map(LawValues::new).collect() }
     }
 }
 
 impl PartialEq for ControllerConfig {
     fn eq(&self, other: &Self) -> bool {
-        self.law.name == other.law.name && self.laws == other.laws
+        let names = |config: &Self| (config.law.name, config.exec.clone(), config.standby.clone());
+        names(self) == names(other) && self.laws == other.laws
     }
 }
 
 impl fmt::Debug for ControllerConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("ControllerConfig").field("law", &self.law.name).field("laws", &self.laws).finish()
+        f.debug_struct("ControllerConfig")
+            .field("law", &self.law.name)
+            .field("exec", &self.exec)
+            .field("standby", &self.standby)
+            .field("laws", &self.laws)
+            .finish()
     }
 }
 

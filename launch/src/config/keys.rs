@@ -1,10 +1,10 @@
 //! The table of keys: sections, and which parameter group each of them is.
 
 use super::group::Group;
+use super::texts::{ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, MAP, MOTORS, ROBOT, STANDBY, TextSpec};
 use super::{Supervision, System, realtime};
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
-use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
 use hilare_interfaces::motors::{ServoParams, StepperParams};
 use hilare_interfaces::param_group;
@@ -15,7 +15,6 @@ use hilare_plant::camera::CameraParams;
 use hilare_plant::dc_servo::DcServoParams;
 use hilare_plant::mecanum::MecanumPlantParams;
 use hilare_plant::stepper_drive::StepperDriveParams;
-use hilare_pose_estimator::EstimatorKind;
 use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
@@ -33,78 +32,6 @@ param_group! {
         theta_rad: f64 = 0.0, "rad", -6.3, 6.3;
     }
 }
-
-/// A key whose value is text.
-#[derive(Clone, Copy, Debug)]
-pub struct TextSpec {
-    /// Key.
-    pub name: &'static str,
-    /// Value when the key is absent.
-    pub default: &'static str,
-    /// Allowed values; empty if free.
-    pub choices: fn() -> Vec<&'static str>,
-    /// What it is.
-    pub doc: &'static str,
-}
-
-/// Name of the robot.
-pub(super) static ROBOT: TextSpec = TextSpec {
-    name: "robot",
-    default: "epuck",
-    choices: Vec::new,
-    doc: "Name of the robot: 1 to 32 of a-z, 0-9, - and _.",
-};
-
-/// Kind of the chassis.
-pub(super) static CHASSIS: TextSpec = TextSpec {
-    name: "kind",
-    default: "differential",
-    choices: || vec!["differential", "mecanum"],
-    doc: "What kind of chassis it is.",
-};
-
-/// Kind of the motors.
-pub(super) static MOTORS: TextSpec = TextSpec {
-    name: "kind",
-    default: "stepper",
-    choices: || vec!["stepper", "servo"],
-    doc: "What turns the wheels.",
-};
-
-/// When a waypoint is accepted.
-pub(super) static ACCEPTANCE: TextSpec = TextSpec {
-    name: "acceptance",
-    default: AS_THE_LAW_ASKS,
-    choices: || core::iter::once(AS_THE_LAW_ASKS).chain(Acceptance::ALL.map(Acceptance::name)).collect(),
-    doc: "Where a waypoint is accepted: on the rim of its circle, at the bisector of the corner, also when passed, or as the law asks.",
-};
-
-/// The acceptance rule is the law's own.
-pub(super) const AS_THE_LAW_ASKS: &str = "law";
-
-/// Pose estimator.
-pub(super) static ESTIMATOR: TextSpec = TextSpec {
-    name: "kind",
-    default: EstimatorKind::ALL[0].name(),
-    choices: || EstimatorKind::ALL.map(EstimatorKind::name).to_vec(),
-    doc: "Where the pose comes from.",
-};
-
-/// Control law.
-pub(super) static LAW: TextSpec = TextSpec {
-    name: "law",
-    default: LAWS[0].name,
-    choices: || LAWS.iter().map(|law| law.name).collect(),
-    doc: "The control law that drives.",
-};
-
-/// Map to plan on.
-pub(super) static MAP: TextSpec = TextSpec {
-    name: "map",
-    default: "",
-    choices: Vec::new,
-    doc: "Map to plan on: a file (.yaml, .map, .json, .toml, .csv), relative to this one, or built in (platform); empty for none.",
-};
 
 /// What a key takes.
 #[derive(Clone, Copy, Debug)]
@@ -284,18 +211,24 @@ impl Section {
         self.missing_for(system).is_none()
     }
 
-    /// Its text key; none has more than one.
-    pub(super) fn text(self) -> Option<&'static TextSpec> {
-        match self {
-            Self::Top => Some(&ROBOT),
-            Self::Differential | Self::Mecanum => Some(&CHASSIS),
-            Self::Stepper | Self::Servo => Some(&MOTORS),
-            Self::Tracking => Some(&ACCEPTANCE),
-            Self::Controller => Some(&LAW),
-            Self::Estimator => Some(&ESTIMATOR),
-            Self::Planner => Some(&MAP),
-            _ => None,
-        }
+    /// Its text keys.
+    pub(super) fn texts(self) -> impl Iterator<Item = &'static TextSpec> {
+        let texts: [Option<&'static TextSpec>; 3] = match self {
+            Self::Top => [Some(&ROBOT), None, None],
+            Self::Differential | Self::Mecanum => [Some(&CHASSIS), None, None],
+            Self::Stepper | Self::Servo => [Some(&MOTORS), None, None],
+            Self::Tracking => [Some(&ACCEPTANCE), None, None],
+            Self::Controller => [Some(&LAW), Some(&EXEC), Some(&STANDBY)],
+            Self::Estimator => [Some(&ESTIMATOR), None, None],
+            Self::Planner => [Some(&MAP), None, None],
+            _ => [None; 3],
+        };
+        texts.into_iter().flatten()
+    }
+
+    /// Its text key of a name.
+    pub(super) fn text(self, name: &str) -> Option<&'static TextSpec> {
+        self.texts().find(|spec| spec.name == name)
     }
 
     /// Its numbers and switches.
@@ -326,7 +259,7 @@ impl Section {
 
     /// All its keys.
     pub(super) fn keys(self) -> impl Iterator<Item = Key> {
-        let texts = self.text().into_iter().map(|spec| (spec.name, Form::Text(spec)));
+        let texts = self.texts().map(|spec| (spec.name, Form::Text(spec)));
         let numbers = self.specs().iter().map(|spec| (spec.name, Form::Number(spec)));
         texts.chain(numbers).map(move |(name, form)| Key { section: self, name, form })
     }

@@ -21,13 +21,15 @@ mod maps;
 mod realtime;
 mod scenario;
 mod suggest;
+mod texts;
 mod write;
 
-pub use controller::ControllerConfig;
+pub use controller::{ControllerConfig, Driver};
 pub use error::ConfigError;
-pub use keys::{Condition, Form, Key, TextSpec, keys};
+pub use keys::{Condition, Form, Key, keys};
 pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
+pub use texts::TextSpec;
 
 use document::Document;
 use hilare_controller::prediction::PredictionParams;
@@ -53,9 +55,19 @@ param_group! {
     /// What launch does when a worker dies.
     Supervision {
         /// Restarts of one worker within the window after which launch gives up.
-        restart_budget: u64 = 5, "", 0, 100;
+        restart_budget: u64 = 5, "", 0, 10000;
         /// Window in which restarts are counted.
         restart_window_s: f64 = 10.0, "s", 0.1, 3600.0;
+        /// Time without a sign of life after which a worker is taken for hung and replaced; 0 never.
+        hung_after_s: f64 = 0.3, "s", 0.0, 60.0;
+        /// Control cycles in a row a controller on trial has to answer in time before it takes charge.
+        trial_cycles: u64 = 10, "", 1, 10000;
+        /// Time it has for that.
+        trial_timeout_s: f64 = 2.0, "s", 0.1, 8.0;
+        /// After an outage of the only controller, drive on only when the operator arms again.
+        resume_by_operator: bool = false, "", 0, 1;
+        /// Let workers that crash leave a core file; writing it delays their successor.
+        core_files: bool = false, "", 0, 1;
         /// Arm the robot as soon as it is up, without being asked.
         arm_on_start: bool = false, "", 0, 1;
     }
@@ -124,7 +136,7 @@ pub struct PlantParams {
 impl Default for System {
     fn default() -> Self {
         Self {
-            robot: keys::ROBOT.default.to_owned(),
+            robot: texts::ROBOT.default.to_owned(),
             chassis: Chassis::Differential(DifferentialParams::default()),
             motors: Motors::Stepper(StepperParams::default()),
             limits: Limits::default(),
@@ -137,7 +149,7 @@ impl Default for System {
             ekf: EkfParams::default(),
             planner: PlannerSettings::default(),
             fit: FitSettings::default(),
-            map: keys::MAP.default.to_owned(),
+            map: texts::MAP.default.to_owned(),
             plant: PlantParams::default(),
             camera: CameraParams::default(),
             start: WorldPose::default(),
@@ -159,6 +171,10 @@ impl System {
             let path = Path::new(name_or_path);
             let mut system = Self::parse(name_or_path, &error::read_text(path)?)?;
             system.map = maps::beside(&system.map, path);
+            let controller = &mut system.controller;
+            for program in [&mut controller.exec, &mut controller.standby] {
+                *program = maps::beside(program, path);
+            }
             return Ok(system);
         }
         Self::built_in(name_or_path).map_err(ConfigError::bare)

@@ -3,7 +3,8 @@
 use super::System;
 use super::assign::split_key;
 use super::error::{clipped, quoted};
-use super::keys::{Form, Key, Section, TextSpec, join, keys};
+use super::keys::{Form, Key, Section, join, keys};
+use super::texts::TextSpec;
 
 /// Names at least this alike (1 the same, 0 nothing in common) are worth a question.
 const ALIKE: f64 = 0.5;

@@ -41,7 +41,7 @@ fn allowed(key: &Key) -> String {
 
 fn value(system: &System, section: Section, key: &Key) -> String {
     match key.form {
-        Form::Text(_) => toml::Value::from(text_value(system, section)).to_string(),
+        Form::Text(spec) => toml::Value::from(text_value(system, section, spec)).to_string(),
         Form::Number(spec) => {
             let value = section.get(system, key.name).unwrap_or(spec.default);
             match spec.kind {

@@ -1,6 +1,7 @@
 //! What can be asked of a running launch.
 
 use super::control::{Call, Request, Response};
+use super::member::Duty;
 use super::status::Status;
 use super::{Manager, Newest, PendingGoal};
 use crossbeam_channel::Sender;
@@ -47,6 +48,9 @@ impl Manager {
             Request::Down => {
                 self.down = true;
                 Response::done("going down")
+            }
+            Request::Swap { role, driver, set } => {
+                return self.begin_swap(&role, driver.as_deref(), &set, &call.reply);
             }
             Request::Follow(points) => {
                 let waypoint = |[x_m, y_m, bulge, crab_rad]: [f64; 4]| Waypoint { x_m, y_m, bulge, crab_rad };
@@ -128,16 +132,13 @@ impl Manager {
             commands_rejected: steps.commands_rejected,
             cycles_without_command: steps.cycles_without_command,
             paused_ticks: steps.paused_ticks,
-            fault: self.fault.clone(),
+            fault: self.fault.clone().or_else(|| self.halted.clone()),
             processes: self
                 .members
                 .iter()
                 .enumerate()
-                .map(|(slot, member)| {
-                    let in_charge =
-                        member.role == Role::Controller && self.authority.source == slot as u64 + 1;
-                    member.status(self.page.state(slot), in_charge)
-                })
+                .filter(|(_, member)| member.duty != Duty::Vacant)
+                .map(|(slot, member)| member.status(self.page.state(slot), steps.standby_answers > 0))
                 .collect(),
         }
     }

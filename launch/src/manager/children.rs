@@ -3,18 +3,21 @@
 use super::Event;
 use crate::logging::LogSink;
 use crate::shell::page::{PAGE_FD, SharedPage};
+use crate::shell::realtime::set_fifo;
 use crossbeam_channel::Sender;
 use hilare_interfaces::wires::Role;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, pipe};
 use std::os::fd::OwnedFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Stack of the small watching threads.
 const STACK: usize = 128 << 10;
+/// Priority of a thread that waits for a death: just above launch's loop, which it wakes.
+const WATCH_PRIORITY: u64 = super::LAUNCH_PRIORITY + 1;
 /// Longest line taken from a worker; more is cut.
 const MAX_LINE: u64 = 64 << 10;
 
@@ -23,12 +26,21 @@ pub struct Running {
     /// Process id.
     pub pid: u32,
     pidfd: Arc<OwnedFd>,
+    last_words: LastWords,
 }
+
+/// The last line a worker wrote to its standard error.
+type LastWords = Arc<Mutex<String>>;
 
 impl Running {
     /// Sends a signal; to this very process, even if its number was used again.
     pub fn signal(&self, signal: Signal) {
         let _ = pidfd_send_signal(&*self.pidfd, signal);
+    }
+
+    /// The last line it wrote to its standard error; empty for none.
+    pub fn last_words(&self) -> String {
+        self.last_words.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -44,6 +56,8 @@ pub struct Start<'a> {
     pub arguments: Vec<String>,
     /// The page to inherit.
     pub page: &'a SharedPage,
+    /// Watch it in real time, so that its death is known at once on a busy machine, too.
+    pub realtime: bool,
 }
 
 /// Starts a worker. Its end comes as [`Event::Died`], its standard error goes to the log, its
@@ -51,26 +65,41 @@ pub struct Start<'a> {
 ///
 /// From the thread that calls it: workers die with this thread (PDEATHSIG).
 pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
-    let mut child = Command::new(std::env::current_exe()?)
+    let mut command = Command::new(std::env::current_exe()?);
+    command
         .arg("service")
         .arg(what.role.name())
         .args(&what.arguments)
         .env(PAGE_FD, what.page.inherited_fd())
         // Out of the terminal's group: Ctrl-C is for launch, which stops the robot first.
         .process_group(0)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()?;
+        .stdin(Stdio::null());
+    let (errors, said) = pipe()?;
+    if what.role == Role::Recorder {
+        command.stdout(Stdio::piped()).stderr(said);
+    } else {
+        // What a program that is not ours prints belongs in the log.
+        command.stdout(said.try_clone()?).stderr(said);
+    }
+    let mut child = command.spawn()?;
+    // Its ends of the pipe are the child's alone: when it is gone, the reader sees the end.
+    drop(command);
     let pid = child.id();
     let raw = Pid::from_child(&child);
     let pidfd = Arc::new(pidfd_open(raw, PidfdFlags::empty())?);
     let threads = || std::thread::Builder::new().stack_size(STACK);
-    if let Some(errors) = child.stderr.take() {
-        let (log, name) = (log.clone(), what.role.name());
-        threads().spawn(move || for_each_line(errors, |line| log.worker_line(name, line)))?;
-    }
+    let last_words = LastWords::default();
+    let (sink, name, last) = (log.clone(), what.role.name(), Arc::clone(&last_words));
+    threads().spawn(move || {
+        for_each_line(errors, |line| {
+            sink.worker_line(name, line);
+            if !line.trim().is_empty() {
+                line.clone_into(&mut last.lock().unwrap_or_else(PoisonError::into_inner));
+            }
+        });
+    })?;
     let output = child.stdout.take();
+    let (kills_before, realtime) = (memory_kills(), what.realtime);
     let (events, watched, slot, incarnation) =
         (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
     threads().spawn(move || {
@@ -79,10 +108,13 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
                 let _ = events.send(Event::Output { slot, line: line.to_owned() });
             });
         }
-        let status = wait(&watched, child);
-        let _ = events.send(Event::Died { slot, incarnation, how: describe(status) });
+        if realtime {
+            let _ = set_fifo(WATCH_PRIORITY, false);
+        }
+        let how = describe(wait(&watched, child), kills_before);
+        let _ = events.send(Event::Died { slot, incarnation, how });
     })?;
-    Ok(Running { pid, pidfd })
+    Ok(Running { pid, pidfd, last_words })
 }
 
 fn for_each_line(from: impl Read, mut act: impl FnMut(&str)) {
@@ -104,12 +136,20 @@ fn wait(pidfd: &OwnedFd, mut child: Child) -> Option<ExitStatus> {
     child.wait().ok()
 }
 
-fn describe(status: Option<ExitStatus>) -> String {
+/// Times the kernel has killed for want of memory since it was booted.
+fn memory_kills() -> u64 {
+    let text = std::fs::read_to_string("/proc/vmstat").unwrap_or_default();
+    let count = text.lines().find_map(|line| line.strip_prefix("oom_kill "));
+    count.and_then(|count| count.trim().parse().ok()).unwrap_or(0)
+}
+
+fn describe(status: Option<ExitStatus>, kills_before: u64) -> String {
     match status {
         Some(status) => match (status.code(), status.signal()) {
             (Some(0), _) => "ended".to_owned(),
             (Some(code), _) => format!("ended with code {code}"),
-            (_, Some(9)) => "was killed (signal 9; by hand, or for want of memory?)".to_owned(),
+            (_, Some(9)) if memory_kills() > kills_before => "was killed for want of memory".to_owned(),
+            (_, Some(9)) => "was killed (signal 9)".to_owned(),
             (_, Some(7)) => "was killed by a bus error (is /dev/shm full?)".to_owned(),
             (_, signal) => format!("was killed by signal {}", signal.unwrap_or(0)),
         },

@@ -33,6 +33,15 @@ pub enum Request {
     Reset,
     /// Stop and end.
     Down,
+    /// Put another controller in charge, or another instance of a box to work.
+    Swap {
+        /// The box.
+        role: String,
+        /// Law or executable, for a controller.
+        driver: Option<String>,
+        /// Keys to set, `KEY=VALUE`.
+        set: Vec<String>,
+    },
     /// Follow these waypoints: x and y (m), bulge, crab angle (rad).
     Follow(Vec<[f64; 4]>),
     /// Go to this point, metres; a heading in radians if one is wanted.

@@ -24,6 +24,7 @@ impl Manager {
             trace_csv: std::fs::read_to_string(self.dir.path().join(TRACE_FILE)).ok(),
             handover: self.handover.take(),
             lateness: lateness.unwrap_or_default(),
+            swaps: self.swaps,
             restarts: self.members.iter().map(|member| member.restarts).sum(),
             fault: self.fault.take(),
             interrupted: self.interrupted || self.down,

@@ -9,10 +9,12 @@ pub mod robot_dir;
 pub mod status;
 
 mod calls;
+mod crew;
 mod ending;
 mod member;
 mod start;
 mod supervise;
+mod swap;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
@@ -32,6 +34,7 @@ use member::Member;
 use robot_dir::RobotDir;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
+use tracing::warn;
 
 /// Time between two authority messages (launch's lease) and two looks at everybody's health.
 const LEASE: Duration = Duration::from_millis(20);
@@ -151,6 +154,11 @@ pub struct Manager {
     up: bool,
     leaving: bool,
     handover: Option<Handover>,
+    /// A swap under way.
+    swap: Option<swap::Swap>,
+    swaps: u64,
+    /// Why the robot has to be armed again, if so.
+    halted: Option<String>,
     dir: RobotDir,
 }
 
@@ -175,6 +183,8 @@ pub struct Outcome {
     pub lateness: Quantiles,
     /// Workers started again.
     pub restarts: u64,
+    /// Controllers and boxes swapped.
+    pub swaps: u64,
     /// What went wrong.
     pub fault: Option<String>,
     /// Ended by a signal or `hilare down`.
@@ -197,7 +207,7 @@ impl Manager {
             _services: services,
             domain,
             page,
-            members: start::roles(&job).map(Member::new).collect(),
+            members: start::members(&job),
             job,
             events,
             sender,
@@ -214,8 +224,15 @@ impl Manager {
             up: false,
             leaving: false,
             handover: None,
+            swap: None,
+            swaps: 0,
+            halted: None,
             dir,
         };
+        if robot_dir::estop_latch(&manager.job.system.robot).exists() {
+            manager.authority.mode = Mode::EStop.code();
+            warn!("the emergency stop is still on; hilare reset releases it");
+        }
         let started = manager.start_workers();
         if let Err(failure) = started {
             manager.leave();
@@ -231,9 +248,12 @@ impl Manager {
             self.lease_due = now + LEASE;
             self.send_authority();
             self.respawn_due(now);
+            self.welcome();
+            self.look_for_the_hung();
             self.goals.retain(|goal| now.duration_since(goal.since) < Duration::from_secs(5));
         }
         self.look();
+        self.judge_swap();
         let wait = patience.min(self.lease_due.saturating_duration_since(Instant::now()));
         if let Ok(event) = self.events.recv_timeout(wait) {
             self.take(event);
@@ -241,26 +261,6 @@ impl Manager {
                 self.take(event);
             }
         }
-    }
-
-    fn send_authority(&mut self) {
-        self.authority.seq += 1;
-        if let Some(pair) = self.controller()
-            && pair != (self.authority.source, self.authority.epoch)
-        {
-            (self.authority.source, self.authority.epoch) = pair;
-            self.authority.term += 1;
-        }
-        self.ports.authority.send(&self.authority);
-        for slot in self.page.members(Role::StepGenerator) {
-            self.page.ring_slot(slot);
-        }
-    }
-
-    /// Source and epoch of the controller.
-    fn controller(&self) -> Option<(u64, u64)> {
-        let slot = self.members.iter().position(|member| member.role == Role::Controller)?;
-        Some((slot as u64 + 1, self.members[slot].epoch))
     }
 
     fn look(&mut self) {
@@ -275,6 +275,7 @@ impl Manager {
         }
         if let Some(steps) = self.ports.steps.last() {
             self.newest.steps = steps;
+            self.follow_promotion();
         }
         if let Some(pose) = self.ports.pose.last() {
             self.newest.pose = Some(pose);
@@ -305,7 +306,7 @@ impl Manager {
         let now = Mode::from_code(self.authority.mode).unwrap_or(Mode::Stop);
         match (now, wanted) {
             (Mode::EStop, Mode::Armed) => {
-                return Err("the emergency stop is on; hilare reset first".to_owned());
+                return Err("the emergency stop is on; hilare reset releases it".to_owned());
             }
             (Mode::EStop | Mode::Disarmed, Mode::Stop) => return Ok(()),
             (_, Mode::Armed) if self.fault.is_some() => {
@@ -313,7 +314,19 @@ impl Manager {
             }
             _ => {}
         }
+        if wanted == Mode::EStop {
+            let latch = robot_dir::estop_latch(&self.job.system.robot);
+            if let Err(error) = std::fs::write(&latch, b"") {
+                warn!(
+                    "{}: {error}: the emergency stop will not outlast a restart of launch",
+                    latch.display()
+                );
+            }
+        } else if now == Mode::EStop {
+            let _ = std::fs::remove_file(robot_dir::estop_latch(&self.job.system.robot));
+        }
         self.authority.mode = wanted.code();
+        self.halted = None;
         self.send_authority();
         Ok(())
     }
@@ -326,6 +339,11 @@ impl Manager {
     /// What keeps the robot from going on.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
+    }
+
+    /// Why it does not go on before the operator arms it again, if so.
+    pub fn halted(&self) -> Option<&str> {
+        self.halted.as_deref()
     }
 
     /// Somebody wants it to end: a signal, or `hilare down`.

@@ -69,6 +69,22 @@ pub fn log_path(robot: &str) -> PathBuf {
     base_dir().join(format!("{robot}.log"))
 }
 
+/// Marks a robot whose emergency stop is on: it stays through every restart until it is reset.
+pub fn estop_latch(robot: &str) -> PathBuf {
+    base_dir().join(format!("{robot}.estop"))
+}
+
+/// Robots whose emergency stop is on though they may not be up.
+pub fn latched_robots() -> Vec<String> {
+    let Ok(entries) = fs::read_dir(base_dir()) else { return Vec::new() };
+    let mut robots: Vec<String> = entries
+        .flatten()
+        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".estop")?.to_owned()))
+        .collect();
+    robots.sort();
+    robots
+}
+
 /// Robots of this user that a living launch holds, whatever its environment was.
 pub fn living_robots() -> Vec<Living> {
     let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };

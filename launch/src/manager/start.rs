@@ -2,10 +2,10 @@
 
 use super::children::{self, Start};
 use super::control;
-use super::member::Member;
+use super::member::{Duty, Member};
 use super::robot_dir::SOCKET;
 use super::{Event, Failure, Job, LAUNCH_PRIORITY, Manager, START_PATIENCE};
-use crate::config::Task;
+use crate::config::{Driver, Task};
 use crate::shell::ClockKind;
 use crate::shell::page::{Phase, SlotState};
 use crate::shell::realtime;
@@ -18,11 +18,18 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
+/// The system as workers read it.
+pub(super) const SYSTEM_FILE: &str = "system.toml";
+/// The system as a controller on trial reads it.
+pub(super) const TRIAL_FILE: &str = "trial.toml";
+
 impl Manager {
     pub(super) fn start_workers(&mut self) -> Result<(), Failure> {
         for slot in 0..self.members.len() {
             self.page.assign(slot, self.members[slot].role);
-            self.spawn(slot).map_err(Failure::Fault)?;
+            if self.members[slot].duty != Duty::Vacant {
+                self.spawn(slot).map_err(Failure::Fault)?;
+            }
         }
         self.await_all(SlotState::Ready)?;
         self.page.set_phase(Phase::Go);
@@ -41,11 +48,14 @@ impl Manager {
     pub(super) fn spawn(&mut self, slot: usize) -> Result<(), String> {
         let epoch = self.next_epoch;
         self.next_epoch += 1;
+        let realtime = self.job.system.realtime(self.members[slot].role);
+        let spare_cpu = self.spare_cpu();
         let member = &mut self.members[slot];
         member.epoch = epoch;
         member.incarnation += 1;
         member.health = None;
-        let arguments = vec![
+        let spare = matches!(member.duty, Duty::Standby | Duty::Trial);
+        let mut arguments = vec![
             "--runtime-dir".to_owned(),
             self.dir.path().display().to_string(),
             "--slot".to_owned(),
@@ -58,12 +68,33 @@ impl Manager {
             self.job.clock.to_string(),
             "--launch-pid".to_owned(),
             std::process::id().to_string(),
+            "--system".to_owned(),
+            if member.duty == Duty::Trial { TRIAL_FILE } else { SYSTEM_FILE }.to_owned(),
+            format!("--cpu={}", if spare { spare_cpu } else { realtime.cpu }),
         ];
-        let start =
-            Start { role: member.role, slot, incarnation: member.incarnation, arguments, page: &self.page };
+        match &member.driver {
+            Some(Driver::Law(law)) => arguments.extend(["--law".to_owned(), (*law).to_owned()]),
+            Some(Driver::Exec(program)) => {
+                arguments.extend(["--exec".to_owned(), program.display().to_string()]);
+            }
+            None => {}
+        }
+        let start = Start {
+            role: member.role,
+            slot,
+            incarnation: member.incarnation,
+            arguments,
+            page: &self.page,
+            realtime: self.job.clock == ClockKind::Real,
+        };
         let running = children::start(&start, &self.sender, &self.log)
             .map_err(|error| format!("cannot start {}: {error}", member.role.name()))?;
-        member.running = Some(running);
+        member.began(running);
+        if member.duty == Duty::Work && member.role == Role::Controller {
+            // Another process, even if in the same place.
+            self.authority.term += 1;
+        }
+        self.send_authority();
         Ok(())
     }
 
@@ -73,8 +104,11 @@ impl Manager {
         loop {
             // At work means that the first heartbeat, with what the kernel granted, is there as well.
             let missing = (0..self.members.len()).find(|slot| {
-                self.page.state(*slot) < state
-                    || (state == SlotState::Working && self.members[*slot].health.is_none())
+                let member = &self.members[*slot];
+                member.duty != Duty::Vacant
+                    && !member.is_foreign()
+                    && (self.page.state(*slot) < state
+                        || (state == SlotState::Working && member.health.is_none()))
             });
             let Some(missing) = missing else { return Ok(()) };
             self.step(Duration::from_millis(1));
@@ -125,6 +159,7 @@ impl Manager {
         let refused: Vec<&str> = self
             .members
             .iter()
+            .filter(|member| member.duty != Duty::Vacant && !member.is_foreign())
             .filter(|member| self.job.system.realtime(member.role).priority > 0)
             .filter(|member| member.health.is_none_or(|health| health.granted_fifo == 0))
             .map(|member| member.role.name())
@@ -144,17 +179,26 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
         let file = dir.join(name);
         std::fs::write(&file, text).map_err(|e| Failure::Refused(format!("{}: {e}", file.display())))
     };
-    write("system.toml", job.system.to_toml())?;
+    write(SYSTEM_FILE, job.system.to_toml())?;
     if let Some(Task::Follow(waypoints)) = &job.task {
         write("waypoints.csv", hilare_planner::waypoint_file::write(waypoints))?;
     }
     write_config(dir, &job.system.robot).map_err(|e| Failure::Refused(e.to_string()))
 }
 
-/// The system's workers, readers before the writers that wake them, the clock last.
-pub(super) fn roles(job: &Job) -> impl Iterator<Item = Role> + use<> {
-    let recorder = job.record;
-    wires::start_order().into_iter().filter(move |role| *role != Role::Recorder || recorder)
+/// The system's workers, readers before the writers that wake them, the clock last; and places for the
+/// standby and for a controller on trial.
+pub(super) fn members(job: &Job) -> Vec<Member> {
+    let controller = &job.system.controller;
+    let roles = wires::start_order().into_iter().filter(|role| *role != Role::Recorder || job.record);
+    let mut members: Vec<Member> = roles
+        .map(|role| Member::new(role, Duty::Work, (role == Role::Controller).then(|| controller.driver())))
+        .collect();
+    let standby = controller.standby();
+    let duty = if standby.is_some() { Duty::Standby } else { Duty::Vacant };
+    members.push(Member::new(Role::Controller, duty, standby));
+    members.push(Member::new(Role::Controller, Duty::Vacant, None));
+    members
 }
 
 pub(super) fn listen(dir: &Path, sender: &Sender<Event>) -> Result<(), Failure> {

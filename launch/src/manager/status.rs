@@ -48,9 +48,12 @@ pub struct Status {
 pub struct ProcessStatus {
     /// Its box.
     pub name: String,
+    /// What drives in it, if it is a controller.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<String>,
     /// Its process id; 0 if it is not running.
     pub pid: u32,
-    /// starting, ready, running, degraded, dead.
+    /// starting, ready, running, standby, trial, degraded, dead.
     pub state: String,
     /// Why, where there is more to say.
     pub reason: String,
@@ -91,13 +94,14 @@ impl Status {
             self.paused_ticks,
         ));
         text.push_str(&format!(
-            "  {:<18}{:>8}  {:<10}{:>9}  {}\n",
+            "  {:<26}{:>8}  {:<10}{:>9}  {}\n",
             "process", "pid", "state", "restarts", "granted"
         ));
         for process in &self.processes {
-            let name = if process.authority { format!("{} *", process.name) } else { process.name.clone() };
+            let law = process.law.as_ref().map_or(String::new(), |law| format!(" ({law})"));
+            let name = format!("{}{law}{}", process.name, if process.authority { " *" } else { "" });
             text.push_str(&format!(
-                "  {:<18}{:>8}  {:<10}{:>9}  {} {}\n",
+                "  {:<26}{:>8}  {:<10}{:>9}  {} {}\n",
                 name, process.pid, process.state, process.restarts, process.granted, process.reason
             ));
         }

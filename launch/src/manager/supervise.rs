@@ -1,11 +1,15 @@
-//! When a worker dies: start it again, or stop the robot and say why.
+//! When a worker dies or hangs: start it again, or stop the robot and say why.
 
-use super::Manager;
-use crate::shell::page::{Phase, SlotState};
-use hilare_interfaces::messages::Mode;
+use super::member::Duty;
+use super::{LEASE, LEAVE_PATIENCE, Manager};
+use crate::shell::page::{Phase, SlotState, monotonic_ns};
+use hilare_interfaces::messages::{Drive, Mode};
 use hilare_interfaces::wires::Role;
 use std::time::{Duration, Instant};
-use tracing::{error, warn};
+use tracing::{error, info, warn};
+
+/// A planner may think for a while between two signs of life.
+const PLANNERS_PATIENCE: u32 = 10;
 
 impl Manager {
     pub(super) fn died(&mut self, slot: usize, incarnation: u64, how: &str) {
@@ -13,52 +17,94 @@ impl Manager {
             return;
         }
         self.page.set_state(slot, SlotState::Empty);
-        self.members[slot].running = None;
-        self.members[slot].last_end = how.to_owned();
+        self.members[slot].missed_since_ns = Some(monotonic_ns());
+        let last_words = self.members[slot].running.take().map(|running| running.last_words());
+        let doom = self.members[slot].doom.take();
+        let how = &*doom.unwrap_or_else(|| how.to_owned());
+        how.clone_into(&mut self.members[slot].last_end);
         if self.leaving {
             return;
         }
+        // First of all the robot has a driver again.
+        let handed_over = self.hand_to_standby(slot);
         self.domain.clean_up_after_the_dead();
-        let role = self.members[slot].role;
-        match role {
-            Role::Controller | Role::Planner if self.page.phase() == Phase::Go => {
+        if self.page.phase() != Phase::Go {
+            return self.give_up(slot, how);
+        }
+        if self.replaced(slot, how) {
+            return;
+        }
+        match (self.members[slot].role, self.members[slot].duty) {
+            (_, Duty::Retiring) => self.vacate(slot),
+            (_, Duty::Vacant) => {}
+            (_, Duty::Trial) => self.trial_died(slot, how, &last_words.unwrap_or_default()),
+            (Role::Recorder, _) => error!("recorder {how}: the run goes on, its figures are lost"),
+            // A simulated robot that is gone is no robot.
+            (Role::Plant | Role::Launch, _) => self.give_up(slot, how),
+            (role, duty) => {
+                let drives = role == Role::Controller && duty == Duty::Work;
+                if drives && !handed_over && self.job.system.supervision.resume_by_operator {
+                    self.halt(Mode::Stop, &format!("controller {how}"));
+                }
+                if role == Role::StepGenerator {
+                    // Its successor knows where the wheels are, not what happened meanwhile.
+                    self.halt(Mode::Disarmed, &format!("step_generator {how}"));
+                }
                 self.plan_respawn(slot, how);
-            }
-            Role::Recorder if self.page.phase() == Phase::Go => {
-                error!("recorder {how}: the run goes on, its figures are lost");
-            }
-            _ => {
-                // These know where the robot is; a fresh one would not.
-                self.authority.mode = Mode::Stop.code();
-                self.send_authority();
-                self.fault = Some(format!("{} {how}", role.name()));
-                error!("{} {how}: the robot is being stopped", role.name());
             }
         }
     }
 
-    /// Stateless boxes are started again, within the budget.
-    fn plan_respawn(&mut self, slot: usize, how: &str) {
+    /// The robot stops until the operator arms it again.
+    fn halt(&mut self, mode: Mode, why: &str) {
+        if self.authority.mode == Mode::Armed.code() {
+            self.halted = Some(format!("{why}; the robot has to be armed again (hilare arm)"));
+        }
+        if self.authority.mode != Mode::EStop.code() {
+            self.authority.mode = mode.code();
+        }
+        self.send_authority();
+    }
+
+    /// The robot cannot go on.
+    fn give_up(&mut self, slot: usize, how: &str) {
+        let name = self.members[slot].role.name();
+        self.authority.mode = Mode::Stop.code();
+        self.send_authority();
+        self.fault = Some(format!("{name} {how}"));
+        error!("{name} {how}: the robot is being stopped");
+    }
+
+    /// A place for another controller.
+    pub(super) fn vacate(&mut self, slot: usize) {
+        let member = &mut self.members[slot];
+        (member.duty, member.driver, member.health) = (Duty::Vacant, None, None);
+        member.missed_since_ns = None;
+        member.respawn_at = None;
+    }
+
+    /// Starts a worker again, within the budget.
+    pub(super) fn plan_respawn(&mut self, slot: usize, how: &str) {
         let supervision = &self.job.system.supervision;
         let (budget, window) =
             (supervision.restart_budget, Duration::from_secs_f64(supervision.restart_window_s));
         let now = Instant::now();
-        let member = &mut self.members[slot];
-        member.deaths.retain(|death| now.duration_since(*death) < window);
-        member.deaths.push_back(now);
-        let name = member.role.name();
-        if member.deaths.len() as u64 > budget {
-            self.authority.mode = Mode::Stop.code();
-            self.fault =
-                Some(format!("{name} {how}, more than {budget} times in {} s", window.as_secs_f64()));
-            error!("{name} {how}: more than {budget} times in {} s, giving up", window.as_secs_f64());
-            return;
+        let name = self.members[slot].name();
+        match self.members[slot].next_start(now, budget, window) {
+            Some(wait) => {
+                self.members[slot].respawn_at = Some(now + wait);
+                warn!("{name} {how}: starting it again");
+                self.respawn_due(now);
+            }
+            None => {
+                let why = format!("{how}, more than {budget} times in {} s", window.as_secs_f64());
+                if self.members[slot].duty == Duty::Standby {
+                    error!("{name} {why}: giving it up; the robot drives on without a standby");
+                    return self.vacate(slot);
+                }
+                self.give_up(slot, &why);
+            }
         }
-        // The first comes back at once, the next ones wait a little longer each.
-        let wait = Duration::from_millis(20 * (member.deaths.len() as u64 - 1));
-        member.respawn_at = Some(now + wait);
-        warn!("{name} {how}: starting it again");
-        self.respawn_due(now);
     }
 
     pub(super) fn respawn_due(&mut self, now: Instant) {
@@ -71,8 +117,68 @@ impl Manager {
                     error!("{why}");
                     self.fault = Some(why);
                 }
-                self.send_authority();
             }
         }
+    }
+
+    /// Says of successors that they are at work, and how long nobody was.
+    pub(super) fn welcome(&mut self) {
+        for (slot, member) in self.members.iter_mut().enumerate() {
+            if member.missed_since_ns.is_some() && self.page.state(slot) == SlotState::Working {
+                let missed_ns = self.page.since_ns(slot) - member.missed_since_ns.take().unwrap_or(0);
+                info!("{} is back after {:.1} ms", member.name(), missed_ns as f64 * 1e-6);
+            }
+        }
+    }
+
+    /// Kills whoever has given no sign of life for too long, and who was told to leave and does not.
+    ///
+    /// Time is counted in launch's own looks: while launch itself gets no processor, nobody is late.
+    pub(super) fn look_for_the_hung(&mut self) {
+        let patience_s = self.job.system.supervision.hung_after_s;
+        if self.leaving || self.page.phase() != Phase::Go {
+            return;
+        }
+        let looks = (patience_s / LEASE.as_secs_f64()).ceil() as u32;
+        for slot in 0..self.members.len() {
+            let answers = self.answers(slot);
+            let working = self.page.state(slot) == SlotState::Working;
+            let sign = self.page.sign_of_life(slot);
+            let member = &mut self.members[slot];
+            let foreign = member.is_foreign();
+            if answers || !(working || foreign) {
+                member.seen();
+            }
+            let silent = member.look(sign);
+            let patience = match member.role {
+                Role::Planner => looks * PLANNERS_PATIENCE,
+                _ => looks,
+            };
+            // An observer that hangs harms nobody, and has the figures. A trial is judged elsewhere.
+            let judged = member.role != Role::Recorder && member.duty != Duty::Trial && patience_s > 0.0;
+            if member.duty == Duty::Retiring {
+                if member.retired.elapsed() > LEAVE_PATIENCE {
+                    member.doom("did not leave".to_owned());
+                }
+            } else if judged && silent > patience {
+                member.doom(format!("gave no sign of life for {patience_s} s"));
+                member.seen();
+            }
+        }
+    }
+
+    /// True unless a program that is not ours should answer and does not: it has no other sign of life.
+    fn answers(&self, slot: usize) -> bool {
+        let member = &self.members[slot];
+        if !member.is_foreign() {
+            return false;
+        }
+        let steps = &self.newest.steps;
+        let asked = self.authority.mode == Mode::Armed.code() && self.newest.reference.tick + 50 > steps.tick;
+        let answered = match member.duty {
+            Duty::Work => steps.source == slot as u64 + 1 && steps.drive == Drive::Command.code(),
+            _ => steps.standby_answers > 0,
+        };
+        !asked || answered || steps.tick == 0
     }
 }

@@ -3,7 +3,7 @@
 use super::ClockKind;
 use crate::config::System;
 use hilare_controller::prediction::Prediction;
-use hilare_controller::{Built, Controller, Identity, LawSetup, TwistLimits};
+use hilare_controller::{Built, Controller, Identity, LawSetup, LawSpec, TwistLimits};
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 use hilare_planner::{Map, Navigator};
@@ -46,7 +46,7 @@ pub fn waypoint_selector(system: &System) -> WaypointSelector {
 }
 
 /// Makes something of what a law is built from.
-fn with_setup<T>(system: &System, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
+fn with_setup<T>(system: &System, law: &LawSpec, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
     make(&LawSetup {
         chassis: &system.chassis,
         limits: TwistLimits {
@@ -57,20 +57,25 @@ fn with_setup<T>(system: &System, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
         acceptance_radius_m: system.tracking.acceptance_radius_m,
         acceptance: system.acceptance(),
         period_ticks: system.timing.period_ticks,
-        values: &system.controller.values(),
+        values: &system.controller.values_of(law.name),
     })
 }
 
 /// The system's law, or which of its parameters is wrong.
 pub fn law(system: &System) -> Built {
-    with_setup(system, system.controller.law.build)
+    law_of(system, system.controller.law)
 }
 
-/// The controller with the system's law.
-pub fn controller(system: &System, identity: Identity) -> Result<Controller, String> {
-    let built = law(system)
-        .map_err(|(key, error)| format!("controller.{}.{key}: {error}", system.controller.law.name))?;
-    let prediction = with_setup(system, |setup| Prediction::new(system.prediction, setup));
+/// Any law with the parameters the system has for it.
+pub fn law_of(system: &System, law: &LawSpec) -> Built {
+    with_setup(system, law, law.build)
+}
+
+/// A controller with one of the laws.
+pub fn controller(system: &System, law: &LawSpec, identity: Identity) -> Result<Controller, String> {
+    let built =
+        law_of(system, law).map_err(|(key, error)| format!("controller.{}.{key}: {error}", law.name))?;
+    let prediction = with_setup(system, law, |setup| Prediction::new(system.prediction, setup));
     Ok(Controller::new(built, identity, system.timing.period_ticks, prediction))
 }
 

@@ -8,6 +8,7 @@
 //! `lockstep`: virtual time. A tick is executed as soon as the command of its cycle is there and the
 //! readers of the steps have kept up.
 
+use super::checkpoint::key_of;
 use super::page::{MAX_WAIT, SharedPage};
 use super::transport::{Input, Output};
 use super::worker::{Report, Worker};
@@ -37,21 +38,25 @@ pub struct ClockProcess {
     authority: Input<Authority>,
     command: Input<Command>,
     steps: Output<Steps>,
+    key: u64,
     tick: Tick,
     armed_once: bool,
     report: Report,
 }
 
 impl ClockProcess {
-    /// Opens its ports.
-    pub fn new(worker: &Worker) -> Result<Self, String> {
+    /// Opens its ports. A successor goes on at the tick and with the counts its predecessor left, disarmed.
+    pub fn new(worker: &mut Worker) -> Result<Self, String> {
+        let (key, clock) = (key_of(Role::StepGenerator), worker.assignment.clock);
+        let (generator, resumed) = worker.resume(key, |system| build::step_generator(system, clock));
         Ok(Self {
-            generator: build::step_generator(&worker.system, worker.assignment.clock),
+            generator,
+            key,
             authority: worker.domain.input(&wires::AUTHORITY)?,
             command: worker.domain.input(&wires::COMMAND)?,
             steps: worker.domain.output(&wires::STEPS)?,
-            tick: 0,
-            armed_once: false,
+            tick: resumed.unwrap_or(0),
+            armed_once: resumed.is_some(),
             report: Report::default(),
         })
     }
@@ -66,7 +71,7 @@ impl ClockProcess {
         if !worker.go(connect) {
             return Ok(());
         }
-        self.wait_until_armed(&mut worker);
+        self.begin(&mut worker);
         if self.armed_once {
             match worker.assignment.clock {
                 ClockKind::Real => self.run_real(&mut worker),
@@ -77,8 +82,9 @@ impl ClockProcess {
         Ok(())
     }
 
-    /// Time begins with the first arming: message 0 tells everybody where the robot stands.
-    fn wait_until_armed(&mut self, worker: &mut Worker) {
+    /// Time begins with the first arming: message 0 tells everybody where the robot stands. A successor
+    /// repeats its predecessor's last message, which may not have been sent any more.
+    fn begin(&mut self, worker: &mut Worker) {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
@@ -109,9 +115,11 @@ impl ClockProcess {
     }
 
     /// Executes one tick and publishes it.
-    fn execute(&mut self, paused_ticks: u64) -> Steps {
+    fn execute(&mut self, worker: &mut Worker, paused_ticks: u64) -> Steps {
         let steps = self.generator.step(self.tick, StepInputs { paused_ticks, ..StepInputs::default() });
         self.tick = steps.tick;
+        // First remembered, then sent: what nobody knows of may be repeated, what was done may not.
+        worker.remember(self.key, steps.tick, &mut self.generator);
         self.steps.send(&steps);
         self.report.tick = steps.tick;
         self.report.steps += 1;
@@ -139,7 +147,7 @@ impl ClockProcess {
             } else {
                 self.take_in(0);
             }
-            let steps = self.execute(paused as u64);
+            let steps = self.execute(worker, paused as u64);
             worker.page.ring(&wires::STEPS);
             let report = self.report;
             worker.heartbeat(Instant::now(), || report);
@@ -162,7 +170,7 @@ impl ClockProcess {
                 worker.page.ring(&wires::STEPS);
                 worker.page.wait(slot, seen, BACK_PRESSURE);
             } else {
-                self.execute(0);
+                self.execute(worker, 0);
                 continue;
             }
             let report = self.report;

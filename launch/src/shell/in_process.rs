@@ -54,7 +54,7 @@ impl InProcess {
             generator,
             estimator: build::pose_estimator(system),
             selector: build::waypoint_selector(system),
-            controller: build::controller(system, identity)?,
+            controller: build::controller(system, system.controller.law, identity)?,
             plant,
             encoders: system.motors.has_encoders(),
             path: Some(waypoints.to_vec()),

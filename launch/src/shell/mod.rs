@@ -2,6 +2,7 @@
 //!
 //! * [`transport`]: ports of the wire table over iceoryx2 (the only place that uses it),
 //! * [`page`]: doorbells and progress marks, a page of shared memory beside the wires,
+//! * [`checkpoint`]: what a box remembers, for its successor,
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
 //! * [`build`]: boxes from a system file,
@@ -11,6 +12,7 @@
 
 pub mod boxes;
 pub mod build;
+pub mod checkpoint;
 pub mod clock;
 pub mod in_process;
 pub mod observer;

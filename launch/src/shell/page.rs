@@ -1,4 +1,4 @@
-//! Doorbells and progress marks: one page of shared memory beside the wires.
+//! Doorbells, progress marks, and what the boxes remember: a piece of shared memory beside the wires.
 //!
 //! Messages travel over iceoryx2; what it does not give is a cheap way to sleep until one is there
 //! (its events cost about 12 µs a hop, a futex on the same core 4 µs). So every worker has a doorbell,
@@ -11,11 +11,12 @@
 
 #![allow(unsafe_code)]
 
+use super::checkpoint::Area;
 use hilare_interfaces::wires::{Role, Wire};
 use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
-use rustix::time::Timespec;
+use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::io;
 use std::ops::Deref;
 use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
@@ -61,6 +62,10 @@ struct Slot {
     waiting: AtomicU32,
     state: AtomicU32,
     progress: AtomicU64,
+    /// Goes up as long as the worker's loop turns.
+    life: AtomicU64,
+    /// When its state was set last, ns on CLOCK_MONOTONIC.
+    since: AtomicU64,
 }
 
 /// The page as it lies in memory; all zero is a valid, empty page.
@@ -71,6 +76,7 @@ pub struct Page {
     /// Bit set of slots for each role.
     members: [AtomicU64; 8],
     slots: [Slot; MAX_SLOTS],
+    areas: [Area; MAX_SLOTS],
 }
 
 impl Page {
@@ -119,6 +125,16 @@ impl Page {
         self.slots[slot].progress.store(tick, Ordering::Release);
     }
 
+    /// A worker's loop turns: it neither hangs nor spins in a step.
+    pub fn give_sign_of_life(&self, slot: usize) {
+        self.slots[slot].life.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Launch: a number that changes as long as the worker's loop turns.
+    pub fn sign_of_life(&self, slot: usize) -> u64 {
+        self.slots[slot].life.load(Ordering::Relaxed)
+    }
+
     /// The least progress of the working members of `roles`; `u64::MAX` without any.
     pub fn least_progress(&self, roles: &[Role]) -> u64 {
         roles
@@ -128,6 +144,11 @@ impl Page {
             .map(|slot| self.slots[slot].progress.load(Ordering::Acquire))
             .min()
             .unwrap_or(u64::MAX)
+    }
+
+    /// Where a slot's box keeps what it remembers.
+    pub fn area(&self, slot: usize) -> &Area {
+        &self.areas[slot % MAX_SLOTS]
     }
 
     /// Slots of a role.
@@ -145,7 +166,13 @@ impl Page {
 
     /// Sets how far a worker is.
     pub fn set_state(&self, slot: usize, state: SlotState) {
+        self.slots[slot].since.store(monotonic_ns(), Ordering::Relaxed);
         self.slots[slot].state.store(state as u32, Ordering::SeqCst);
+    }
+
+    /// When a worker got as far as it is, ns on CLOCK_MONOTONIC.
+    pub fn since_ns(&self, slot: usize) -> u64 {
+        self.slots[slot].since.load(Ordering::Relaxed)
     }
 
     /// How far a worker is.
@@ -171,6 +198,12 @@ impl Page {
             _ => Phase::Leave,
         }
     }
+}
+
+/// Now, ns on CLOCK_MONOTONIC.
+pub fn monotonic_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
 /// The page, mapped into this process.

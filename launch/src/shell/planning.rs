@@ -8,7 +8,10 @@ use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Answer, GoalHeader, GoalKind, PathHeader, Pose, Waypoint, text_field};
 use hilare_interfaces::wires;
 use hilare_planner::{Budget, Navigator};
+use std::fs::File;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use tracing::warn;
 
 /// Why a goal was not planned for.
 const OVERTAKEN: &str = "overtaken by a newer goal";
@@ -23,25 +26,25 @@ pub struct PlannerProcess {
     /// Where the robot is; before the first pose, where the system says it starts.
     robot: WorldPoint,
     deadline: Duration,
-    /// The scenario's own path, published first of all.
-    first: Vec<Waypoint>,
+    /// The scenario's own path, or the one a predecessor left: published first of all.
+    first: Option<(PathHeader, Vec<Waypoint>)>,
+    kept: KeptPath,
     report: Report,
 }
 
 impl PlannerProcess {
     /// Opens its ports, reads the scenario's path and the map, if there are any.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let file = worker.assignment.runtime_dir.join("waypoints.csv");
         let incarnation = worker.assignment.incarnation;
-        // A successor must not send the robot back to the beginning.
-        let first = match std::fs::File::open(&file) {
-            Ok(text) if incarnation == 1 => hilare_planner::waypoint_file::parse(text)
-                .map_err(|error| format!("{}:{error}", file.display()))?,
-            _ => Vec::new(),
-        };
         let system = &worker.system;
         let navigator = build::navigator(system)?;
-        let first = if first.is_empty() { first } else { navigator.fitted(first)? };
+        let kept = KeptPath::in_dir(&worker.assignment.runtime_dir);
+        // A successor must not send the robot back to the beginning: it repeats the path under way.
+        let first = match kept.read() {
+            Some(path) => Some(path),
+            None if incarnation == 1 => first_path(&worker.assignment.runtime_dir, &navigator)?,
+            None => None,
+        };
         Ok(Self {
             navigator,
             goal: worker.domain.slice_input(&wires::GOAL)?,
@@ -51,6 +54,7 @@ impl PlannerProcess {
             robot: system.start.position(),
             deadline: Duration::from_millis(system.planner.deadline_ms),
             first,
+            kept,
             // Path ids go up over restarts, too.
             report: Report { path_id: (incarnation - 1) << 32, ..Report::default() },
         })
@@ -58,23 +62,32 @@ impl PlannerProcess {
 
     fn publish(&mut self, goal_id: u64, path: &[Waypoint]) -> bool {
         let header = PathHeader { path_id: self.report.path_id + 1, goal_id };
+        self.send(header, path)
+    }
+
+    fn send(&mut self, header: PathHeader, path: &[Waypoint]) -> bool {
+        // First kept: a selector that has the path must find it again.
+        self.kept.write(&header, path);
         let sent = self.path.send(&header, path.iter().copied());
         if sent {
-            self.report.path_id = header.path_id;
+            self.report.path_id = self.report.path_id.max(header.path_id);
         }
         sent
     }
 
     /// Plans for a goal and publishes the path; on any failure the old path stays.
-    fn answer(&mut self, header: &GoalHeader, waypoints: &[Waypoint]) -> Answer {
+    fn answer(&mut self, worker: &Worker, header: &GoalHeader, waypoints: &[Waypoint]) -> Answer {
         let refused = |why: &str| Answer { goal_id: header.goal_id, text: text_field(why), ..Answer::ZERO };
         let Some(kind) = GoalKind::from_code(header.kind) else { return refused("unknown kind of goal") };
         if header.has_heading != 0 {
             return refused("a final heading cannot be promised yet; leave THETA away");
         }
         let goals = &self.goal;
-        let mut budget =
-            Until { start: Instant::now(), limit: self.deadline, newer_goal: || goals.waiting() };
+        let newer_goal = || {
+            worker.page.give_sign_of_life(worker.assignment.slot);
+            goals.waiting()
+        };
+        let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal };
         match self.navigator.path(kind, waypoints, self.robot, &mut budget) {
             Err(_) if self.goal.waiting() => refused(OVERTAKEN),
             Err(why) => refused(&why),
@@ -91,8 +104,9 @@ impl PlannerProcess {
 
 impl Reactive for PlannerProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
-        let first = std::mem::take(&mut self.first);
-        if !first.is_empty() && self.publish(0, &first) {
+        if let Some((header, path)) = self.first.take()
+            && self.send(header, &path)
+        {
             worker.page.ring(&wires::PATH);
         }
         if let Some(pose) = self.pose.last() {
@@ -106,7 +120,7 @@ impl Reactive for PlannerProcess {
             self.answer.send(&Answer { goal_id: goal.0.goal_id, text, ..Answer::ZERO });
             goal = newer;
         }
-        let answer = self.answer(&goal.0, &goal.1);
+        let answer = self.answer(worker, &goal.0, &goal.1);
         self.answer.send(&answer);
         worker.page.ring(&wires::PATH);
         self.report.steps += 1;
@@ -122,6 +136,50 @@ impl Reactive for PlannerProcess {
         self.pose.connect();
         self.path.connect();
         self.answer.connect();
+    }
+}
+
+/// The scenario's own path, if it has one.
+fn first_path(dir: &Path, navigator: &Navigator) -> Result<Option<(PathHeader, Vec<Waypoint>)>, String> {
+    let file = dir.join("waypoints.csv");
+    let Ok(text) = File::open(&file) else { return Ok(None) };
+    let waypoints =
+        hilare_planner::waypoint_file::parse(text).map_err(|error| format!("{}:{error}", file.display()))?;
+    let path = navigator.fitted(waypoints)?;
+    Ok(Some((PathHeader { path_id: 1, goal_id: 0 }, path)))
+}
+
+/// The path under way, in a file: a selector that starts again has to get it, and the planner that found it
+/// may be gone.
+struct KeptPath(PathBuf);
+
+impl KeptPath {
+    fn in_dir(dir: &Path) -> Self {
+        Self(dir.join("path.csv"))
+    }
+
+    /// Whole or not at all. Without room the drive goes on; only a successor will have no path.
+    fn write(&self, header: &PathHeader, path: &[Waypoint]) {
+        let new = self.0.with_extension("new");
+        let text = format!(
+            "# {} {}\n{}",
+            header.path_id,
+            header.goal_id,
+            hilare_planner::waypoint_file::write(path)
+        );
+        let kept = std::fs::write(&new, text).and_then(|()| std::fs::rename(&new, &self.0));
+        if let Err(error) = kept {
+            warn!("{}: {error}: a successor will not know the path", self.0.display());
+        }
+    }
+
+    fn read(&self) -> Option<(PathHeader, Vec<Waypoint>)> {
+        let text = std::fs::read_to_string(&self.0).ok()?;
+        let (head, waypoints) = text.split_once('\n')?;
+        let (path_id, goal_id) = head.strip_prefix("# ")?.split_once(' ')?;
+        let header = PathHeader { path_id: path_id.parse().ok()?, goal_id: goal_id.parse().ok()? };
+        let path = hilare_planner::waypoint_file::parse(waypoints.as_bytes()).ok()?;
+        Some((header, path))
     }
 }
 

@@ -6,7 +6,7 @@
 #![allow(unsafe_code)]
 
 use rustix::mm::{MlockAllFlags, mlockall};
-use rustix::process::{Resource, getrlimit};
+use rustix::process::{Pid, Resource, getrlimit};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::io;
 
@@ -75,6 +75,27 @@ pub fn apply(request: Request) {
     }
 }
 
+/// Moves another process of this user to a processor; where that is not allowed it stays.
+pub fn place(pid: Pid, choice: CpuChoice) {
+    if let Some(cpu) = chosen_cpu(choice) {
+        let mut set = CpuSet::new();
+        set.set(cpu);
+        let _ = sched_setaffinity(Some(pid), &set);
+    }
+}
+
+/// A processor this process may use other than a chosen one; `None` if nothing is chosen or there is none.
+pub fn another_cpu(choice: CpuChoice) -> Option<usize> {
+    let (chosen, allowed) = (chosen_cpu(choice)?, sched_getaffinity(None).ok()?);
+    (0..CpuSet::MAX_CPU).find(|cpu| allowed.is_set(*cpu) && *cpu != chosen)
+}
+
+/// The one processor the calling thread is bound to.
+pub fn bound_cpu() -> Option<u64> {
+    let set = sched_getaffinity(None).ok().filter(|set| set.count() == 1)?;
+    (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
+}
+
 fn chosen_cpu(choice: CpuChoice) -> Option<usize> {
     let allowed = sched_getaffinity(None).ok()?;
     match choice {
@@ -107,10 +128,6 @@ pub fn granted() -> Granted {
     let mut parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: the kernel fills the struct it is given.
     unsafe { libc::sched_getparam(0, &mut parameters) };
-    let cpu = sched_getaffinity(None)
-        .ok()
-        .filter(|set| set.count() == 1)
-        .and_then(|set| (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64));
     let locked = std::fs::read_to_string("/proc/self/status").is_ok_and(|status| {
         status
             .lines()
@@ -121,7 +138,7 @@ pub fn granted() -> Granted {
     Granted {
         fifo: policy == libc::SCHED_FIFO,
         priority: u64::try_from(parameters.sched_priority).unwrap_or(0),
-        cpu,
+        cpu: bound_cpu(),
         mlock: locked,
     }
 }

@@ -6,15 +6,20 @@
 //! leave, when launch is gone, or on SIGTERM. Nothing in the loop formats, logs or allocates.
 
 use super::ClockKind;
+use super::checkpoint::StateRoom;
 use super::page::{Phase, SharedPage, SlotState};
 use super::realtime::{self, CpuChoice, Granted, Request};
 use super::transport::{Domain, Output};
 use crate::config::System;
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::latency::LatencyHistogram;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Health, HealthState, text_field};
+use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
-use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use rustix::process::{
+    Resource, Rlimit, Signal, getppid, getrlimit, set_parent_process_death_signal, setrlimit,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,11 +41,21 @@ pub struct Assignment {
     pub clock: ClockKind,
     /// Process id of launch, to notice that it died before we could ask for the signal.
     pub launch_pid: i32,
+    /// System file in the runtime directory.
+    pub system_file: String,
+    /// Processor, as a key of the system file.
+    pub cpu: i64,
+    /// Control law (controllers).
+    pub law: Option<String>,
     /// Authority epoch (controllers).
     pub epoch: u64,
     /// 1 for the first process in this slot, 2 for its successor, …
     pub incarnation: u64,
 }
+
+/// What was found is not the state of such a box, which is half changed now and to be built anew.
+#[derive(Clone, Copy, Debug)]
+pub struct Garbled;
 
 /// A worker under way.
 pub struct Worker {
@@ -58,6 +73,7 @@ pub struct Worker {
     health: Output<Health>,
     last_beat: Instant,
     granted: Granted,
+    room: StateRoom,
     /// What the kernel refused.
     refusal: &'static str,
 }
@@ -107,19 +123,40 @@ pub trait Reactive {
     }
 }
 
+/// Who goes first when memory runs out: those the robot can do without. To be spared more than others
+/// takes a privilege; without it nothing changes.
+const fn memory_rank(role: Role) -> &'static str {
+    match role {
+        Role::Recorder => "600",
+        Role::Planner => "300",
+        _ => "-500",
+    }
+}
+
+/// From here on this process ends with launch; if launch is gone already, nobody would tell.
+pub fn die_with_launch(launch_pid: i32) -> Result<(), String> {
+    let _ = set_parent_process_death_signal(Some(Signal::TERM));
+    if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != launch_pid) {
+        return Err("launch is gone".to_owned());
+    }
+    Ok(())
+}
+
 impl Worker {
     /// Starts up to the point where the ports can be opened.
     pub fn start(assignment: Assignment) -> Result<Self, String> {
-        // Dies with launch; if that happened already, nobody would tell.
-        let _ = set_parent_process_death_signal(Some(Signal::TERM));
-        if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != assignment.launch_pid) {
-            return Err("launch is gone".to_owned());
-        }
+        die_with_launch(assignment.launch_pid)?;
         let terminate = Arc::new(AtomicBool::new(false));
         signal_hook::flag::register(libc::SIGTERM, Arc::clone(&terminate)).map_err(|e| e.to_string())?;
         let page = SharedPage::inherit().map_err(|e| e.to_string())?;
-        let file = assignment.runtime_dir.join("system.toml");
+        let file = assignment.runtime_dir.join(&assignment.system_file);
         let system = System::load(&file.to_string_lossy()).map_err(|e| e.to_string())?;
+        // Writing a core file takes longer than a successor needs to start.
+        if !system.supervision.core_files {
+            let limit = Rlimit { current: Some(0), ..getrlimit(Resource::Core) };
+            let _ = setrlimit(Resource::Core, limit);
+        }
+        let _ = std::fs::write("/proc/self/oom_score_adj", memory_rank(assignment.role));
         let domain = Domain::join(&assignment.runtime_dir, assignment.role.name())?;
         let health = domain.output::<Health>(&wires::HEALTH)?;
         Ok(Self {
@@ -132,6 +169,7 @@ impl Worker {
             health,
             last_beat: Instant::now(),
             granted: Granted::default(),
+            room: StateRoom::default(),
             refusal: "",
         })
     }
@@ -143,6 +181,7 @@ impl Worker {
         self.page.set_state(slot, SlotState::Ready);
         while self.page.phase() == Phase::Starting && !self.leaving() {
             let seen = self.page.bell(slot);
+            self.page.give_sign_of_life(slot);
             if self.page.phase() == Phase::Starting {
                 self.page.wait(slot, seen, super::page::MAX_WAIT);
             }
@@ -156,7 +195,7 @@ impl Worker {
         let on_the_tick = self.assignment.clock == ClockKind::Real && wanted.priority > 0;
         realtime::apply(Request {
             priority: if on_the_tick { wanted.priority } else { 0 },
-            cpu: CpuChoice::from_key(wanted.cpu),
+            cpu: CpuChoice::from_key(self.assignment.cpu),
             lock_memory: on_the_tick,
         });
         self.granted = realtime::granted();
@@ -168,15 +207,49 @@ impl Worker {
         true
     }
 
+    /// Keeps the state of the box after `tick` for whoever comes after this process.
+    pub fn remember(&mut self, key: u64, tick: Tick, of: &mut impl Stateful) {
+        if let Some(len) = of.save_state(self.room.all()) {
+            self.page.area(self.assignment.slot).store(key, tick, self.room.first(len));
+        }
+    }
+
+    /// The newest state of a kind that a slot has, if its tick is wanted, into a box; its tick, or `None`
+    /// if there is none.
+    pub fn recall(
+        &mut self,
+        slot: usize,
+        key: u64,
+        wanted: impl Fn(Tick) -> bool,
+        into: &mut impl Stateful,
+    ) -> Result<Option<Tick>, Garbled> {
+        let Some((tick, len)) = self.page.area(slot).load(key, wanted, &mut self.room) else {
+            return Ok(None);
+        };
+        if into.load_state(self.room.first(len)) { Ok(Some(tick)) } else { Err(Garbled) }
+    }
+
+    /// A box as its predecessor in this slot left it, and the tick of that; or a new one.
+    pub fn resume<B: Stateful>(&mut self, key: u64, build: impl Fn(&System) -> B) -> (B, Option<Tick>) {
+        let mut built = build(&self.system);
+        match self.recall(self.assignment.slot, key, |_| true, &mut built) {
+            Ok(tick) => (built, tick),
+            Err(Garbled) => (build(&self.system), None),
+        }
+    }
+
     /// True when launch said leave, or a signal did.
     pub fn leaving(&self) -> bool {
         self.page.phase() == Phase::Leave || self.terminate.load(Ordering::Relaxed)
     }
 
-    /// Sends a heartbeat if one is due at `now`.
+    /// Gives a sign of life, and sends a heartbeat if one is due at `now`.
     pub fn heartbeat(&mut self, now: Instant, report: impl FnOnce() -> Report) {
+        self.page.give_sign_of_life(self.assignment.slot);
         if now.duration_since(self.last_beat) >= HEARTBEAT {
             self.last_beat = now;
+            // Launch moves a controller that comes into charge.
+            self.granted.cpu = realtime::bound_cpu();
             self.beat(&report());
         }
     }

@@ -13,12 +13,14 @@
 //! launch and this box both may put another controller in charge, each with a higher term, and the
 //! higher term wins; whoever lost charge is not heard any more.
 
+use crate::COUNTED_MAX;
 use crate::candidate::{Candidate, Pair};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, Drive, Mode, Steps};
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 param_group! {
     /// Control period and what to do without commands, launch or time.
@@ -336,6 +338,21 @@ impl Gate {
         state.cycles_without_command = self.without;
         state.commands_borrowed = self.borrowed;
         state.promotions = self.promotions;
+    }
+}
+
+/// Counters and the term; who is in charge and the mode come from launch.
+impl Stateful for Gate {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        let counters = [
+            &mut self.term,
+            &mut self.late,
+            &mut self.rejected,
+            &mut self.without,
+            &mut self.borrowed,
+            &mut self.promotions,
+        ];
+        counters.into_iter().for_each(|counter| words.count(counter, COUNTED_MAX));
     }
 }
 

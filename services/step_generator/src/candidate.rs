@@ -56,22 +56,29 @@ impl Candidate {
         self.before
     }
 
-    /// Keeps a command until its tick. False if it is old, or if there is no room.
+    /// Keeps a command until its tick; without room that for the earliest tick goes. False if it is old.
     pub fn keep(&mut self, command: &Command) -> bool {
         let fresh = command.seq > self.last_seq;
-        let newer = self.taken.is_none_or(|taken| command.effective_tick > taken.effective_tick);
-        if !(fresh && newer) {
+        let newest = self.known().map(|known| known.effective_tick).max();
+        if !fresh || newest.is_some_and(|newest| command.effective_tick <= newest) {
             return false;
         }
         self.last_seq = command.seq;
-        let place = self.pending.iter_mut().find(|slot| slot.is_none());
-        place.map(|slot| *slot = Some(*command)).is_some()
+        let earliest = |slot: &&mut Option<Command>| slot.map_or(0, |command| command.effective_tick);
+        if let Some(slot) = self.pending.iter_mut().min_by_key(earliest) {
+            *slot = Some(*command);
+        }
+        true
     }
 
     /// True if the lockstep clock has to wait for its command of `tick`: it is not there, and may come.
     pub fn owes(&self, tick: Tick) -> bool {
-        let mut known = self.pending.iter().chain([&self.taken]).flatten();
-        self.pair.0 != 0 && !known.any(|command| command.effective_tick >= tick)
+        self.pair.0 != 0 && !self.known().any(|command| command.effective_tick >= tick)
+    }
+
+    /// Commands that wait, and the one taken last.
+    fn known(&self) -> impl Iterator<Item = &Command> {
+        self.pending.iter().chain([&self.taken]).flatten()
     }
 
     /// Takes the newest command whose time has come at `tick`, once.

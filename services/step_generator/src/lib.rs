@@ -23,8 +23,12 @@ use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, Drive, Steps};
 use hilare_interfaces::motors::Motors;
+use hilare_interfaces::state::{StateWords, Stateful};
 use limits::Limits;
 use pulses::PulseTrain;
+
+/// No counter gets as far: a state that says so is not one.
+const COUNTED_MAX: u64 = 1 << 60;
 
 /// What a tick reads: what arrived since the last one.
 #[derive(Clone, Copy, Debug, Default)]
@@ -136,6 +140,23 @@ impl Block for StepGenerator {
     fn step(&mut self, tick: Tick, inputs: StepInputs<'_>) -> Steps {
         self.advance(tick, inputs);
         self.state
+    }
+}
+
+/// Where the wheels are and what has been counted. A successor stands still and is disarmed: it does not
+/// know what happened since.
+impl Stateful for StepGenerator {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        let state = &mut self.state;
+        let counters =
+            [&mut state.tick, &mut state.ticks_late, &mut state.paused_ticks, &mut state.paused_max_ticks];
+        counters.into_iter().for_each(|counter| words.count(counter, COUNTED_MAX));
+        self.pulses.visit_state(words);
+        self.gate.visit_state(words);
+        if words.is_loading() {
+            self.state.counts = self.pulses.counts();
+            self.gate.report(&mut self.state);
+        }
     }
 }
 

@@ -10,6 +10,7 @@
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::motors::Motors;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Pulses of all wheels.
 #[derive(Clone, Debug)]
@@ -75,6 +76,14 @@ impl PulseTrain {
     /// Cumulative signed steps or counts.
     pub fn counts(&self) -> PerWheel<i64> {
         self.counts
+    }
+}
+
+/// Counts and owed angles; at rest.
+impl Stateful for PulseTrain {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.counts.iter_mut().for_each(|count| words.signed(count));
+        words.finite(&mut self.owed_rad);
     }
 }
 

@@ -261,3 +261,31 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_successor_goes_on_with_tick_counts_and_counters_at_rest_and_disarmed() {
+    let mut team = Team::new();
+    team.cycles(20, [Some(0.04), Some(0.04), None]);
+    let last = team.cycles(4, [None, Some(0.033), None]);
+    let mut room = [0; 64];
+    let used = team.generator.save_state(&mut room).expect("room");
+
+    let mut successor = Team::new();
+    assert!(successor.generator.load_state(&room[..used]));
+    let state = *successor.generator.state();
+    assert_eq!((state.tick, state.counts, state.term), (last.tick, last.counts, last.term));
+    assert_eq!((state.commands_borrowed, state.promotions), (last.commands_borrowed, 1));
+    assert_eq!((state.twist, state.drive), ([0.0; 3], Drive::Disarmed.code()));
+
+    // What was owed to the wheels is not lost either.
+    let mut again = [0; 64];
+    assert_eq!(successor.generator.save_state(&mut again), Some(used));
+    assert_eq!(again, room);
+    (successor.tick, successor.authority.term, successor.authority.standby_source) = (team.tick, 9, 0);
+    let steps = successor.cycles(10, [Some(0.04), None, None]);
+    let rolled = steps.counts[0] - last.counts[0];
+    assert!((9..=17).contains(&rolled), "{rolled} steps in 45 ms at 308 steps/s");
+    assert!(!successor.generator.load_state(&room[..used - 1]));
+    room[0] = u64::MAX;
+    assert!(!successor.generator.load_state(&room[..used]), "no run is that long");
+}

@@ -1,0 +1,93 @@
+//! Keys whose value is text.
+
+use hilare_controller::LAWS;
+use hilare_interfaces::acceptance::Acceptance;
+use hilare_pose_estimator::EstimatorKind;
+
+/// A key whose value is text.
+#[derive(Clone, Copy, Debug)]
+pub struct TextSpec {
+    /// Key.
+    pub name: &'static str,
+    /// Value when the key is absent.
+    pub default: &'static str,
+    /// Allowed values; empty if free.
+    pub choices: fn() -> Vec<&'static str>,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+/// Name of the robot.
+pub(super) static ROBOT: TextSpec = TextSpec {
+    name: "robot",
+    default: "epuck",
+    choices: Vec::new,
+    doc: "Name of the robot: 1 to 32 of a-z, 0-9, - and _.",
+};
+
+/// Kind of the chassis.
+pub(super) static CHASSIS: TextSpec = TextSpec {
+    name: "kind",
+    default: "differential",
+    choices: || vec!["differential", "mecanum"],
+    doc: "What kind of chassis it is.",
+};
+
+/// Kind of the motors.
+pub(super) static MOTORS: TextSpec = TextSpec {
+    name: "kind",
+    default: "stepper",
+    choices: || vec!["stepper", "servo"],
+    doc: "What turns the wheels.",
+};
+
+/// When a waypoint is accepted.
+pub(super) static ACCEPTANCE: TextSpec = TextSpec {
+    name: "acceptance",
+    default: AS_THE_LAW_ASKS,
+    choices: || core::iter::once(AS_THE_LAW_ASKS).chain(Acceptance::ALL.map(Acceptance::name)).collect(),
+    doc: "Where a waypoint is accepted: on the rim of its circle, at the bisector of the corner, also when passed, or as the law asks.",
+};
+
+/// The acceptance rule is the law's own.
+pub(super) const AS_THE_LAW_ASKS: &str = "law";
+
+/// Pose estimator.
+pub(super) static ESTIMATOR: TextSpec = TextSpec {
+    name: "kind",
+    default: EstimatorKind::ALL[0].name(),
+    choices: || EstimatorKind::ALL.map(EstimatorKind::name).to_vec(),
+    doc: "Where the pose comes from.",
+};
+
+/// Control law.
+pub(super) static LAW: TextSpec = TextSpec {
+    name: "law",
+    default: LAWS[0].name,
+    choices: || LAWS.iter().map(|law| law.name).collect(),
+    doc: "The control law that drives.",
+};
+
+/// An executable that drives instead of the law.
+pub(super) static EXEC: TextSpec = TextSpec {
+    name: "exec",
+    default: "",
+    choices: Vec::new,
+    doc: "An executable that drives instead of the law, relative to this file; empty for none. The law still says where waypoints are accepted.",
+};
+
+/// What runs beside the controller in charge, ready to take over.
+pub(super) static STANDBY: TextSpec = TextSpec {
+    name: "standby",
+    default: "",
+    choices: Vec::new,
+    doc: "Law (or executable: a name with a /) of a second controller that takes over within the tick; empty for none.",
+};
+
+/// Map to plan on.
+pub(super) static MAP: TextSpec = TextSpec {
+    name: "map",
+    default: "",
+    choices: Vec::new,
+    doc: "Map to plan on: a file (.yaml, .map, .json, .toml, .csv), relative to this one, or built in (platform); empty for none.",
+};

@@ -1,0 +1,309 @@
+//! Another controller in charge, or a box with other parameters, while the robot drives.
+//!
+//! ```text
+//! swap controller LAW ─▶ newcomer starts, on trial ─▶ answers n cycles in time ─▶ takes charge ─▶ the old one leaves
+//!                                     └─ dies, hangs, is late, is invalid ─▶ refused with the reason, the old one stays
+//! swap planner --set … ─▶ the old one leaves, its successor starts with what it knew
+//!                                     └─ dies or does not start ─▶ refused; one with the old parameters comes back
+//! ```
+
+use super::control::Response;
+use super::member::Duty;
+use super::start::{SYSTEM_FILE, TRIAL_FILE};
+use super::{LEASE, Manager};
+use crate::config::{Driver, System};
+use crate::shell::page::{Phase, SlotState};
+use crossbeam_channel::Sender;
+use hilare_interfaces::wires::Role;
+use rustix::process::Signal;
+use std::time::{Duration, Instant};
+use tracing::{info, warn};
+
+/// What may be changed of a box alone: keys that no other box reads.
+const OWN_KEYS: [(Role, &[&str]); 3] = [
+    (Role::Controller, &["controller."]),
+    (Role::Planner, &["planner."]),
+    (Role::WaypointSelector, &["tracking.speed_mps", "tracking.acceptance"]),
+];
+
+/// A swap under way.
+pub(super) struct Swap {
+    slot: usize,
+    reply: Sender<Response>,
+    since: Instant,
+    /// The system as it will be, or was before.
+    other: System,
+    /// Commands that had been refused when it began.
+    rejected_before: u64,
+    /// The successor has been started (boxes other than controllers).
+    started: bool,
+}
+
+impl Manager {
+    /// `hilare swap ROLE [LAW] [--set KEY=VALUE]…`.
+    pub(super) fn begin_swap(
+        &mut self,
+        role: &str,
+        driver: Option<&str>,
+        set: &[String],
+        reply: &Sender<Response>,
+    ) {
+        let begun = self.prepare_swap(role, driver, set).and_then(|(role, system)| match role {
+            Role::Controller => self.begin_trial(system, driver.is_some() && set.is_empty(), reply),
+            _ => self.begin_replacement(role, system, reply),
+        });
+        if let Err(why) = begun {
+            let _ = reply.send(Response::refused(why));
+        }
+    }
+
+    /// Which box, and the system with what is asked for.
+    fn prepare_swap(
+        &self,
+        role: &str,
+        driver: Option<&str>,
+        set: &[String],
+    ) -> Result<(Role, System), String> {
+        let role = Role::from_name(&role.replace('-', "_"));
+        let own = OWN_KEYS.iter().find(|(known, _)| Some(*known) == role);
+        let Some((role, own)) = own else {
+            return Err("only controller, planner and waypoint_selector can be swapped".to_owned());
+        };
+        if self.swap.is_some() {
+            return Err("another swap is under way".to_owned());
+        }
+        if !self.up || self.page.phase() != Phase::Go {
+            return Err("the robot is still starting".to_owned());
+        }
+        match (role, driver) {
+            (Role::Controller, None) if set.is_empty() => {
+                return Err("say which law: hilare swap controller LAW".to_owned());
+            }
+            (Role::Controller, _) | (_, None) => {}
+            (_, Some(name)) => {
+                return Err(format!("{} has no laws to choose from; drop {name:?}", role.name()));
+            }
+        }
+        if let Some(foreign) = set.iter().find(|key| !own.iter().any(|own| key.starts_with(own))) {
+            let key = foreign.split('=').next().unwrap_or_default();
+            return Err(format!(
+                "--set {key}: not a key of {} alone; change it with hilare down, then up",
+                role.name()
+            ));
+        }
+        let mut keys = driver.map(Driver::keys).unwrap_or_default();
+        keys.extend_from_slice(set);
+        let mut system = self.job.system.clone();
+        system.set_all(&keys).map_err(|error| error.to_string())?;
+        Ok((*role, system))
+    }
+
+    fn begin_trial(&mut self, system: System, plain: bool, reply: &Sender<Response>) -> Result<(), String> {
+        let driver = system.controller.driver();
+        let warm = self.controller(Duty::Standby).filter(|slot| {
+            plain
+                && self.members[*slot].driver.as_ref() == Some(&driver)
+                && self.newest.steps.standby_answers > 0
+        });
+        if let Some(slot) = warm {
+            self.put_in_charge(slot, Duty::Standby);
+            self.adopt(system)?;
+            let _ = reply
+                .send(Response::done(format!("{} is in charge, the other one stands by", driver.name())));
+            return Ok(());
+        }
+        let slot = self
+            .controller(Duty::Vacant)
+            .ok_or("the controller swapped out last has not left yet; try again")?;
+        self.write_system(TRIAL_FILE, &system)?;
+        self.members[slot].duty = Duty::Trial;
+        self.members[slot].driver = Some(driver);
+        self.swap = Some(Swap {
+            slot,
+            reply: reply.clone(),
+            since: Instant::now(),
+            other: system,
+            rejected_before: self.newest.steps.commands_rejected,
+            started: true,
+        });
+        self.spawn(slot).inspect_err(|why| self.end_trial(why))
+    }
+
+    /// Looks how the swap under way goes.
+    pub(super) fn judge_swap(&mut self) {
+        let Some(swap) = &self.swap else { return };
+        let (slot, since, started) = (swap.slot, swap.since, swap.started);
+        let waited = since.elapsed();
+        let late = waited > Duration::from_secs_f64(self.job.system.supervision.trial_timeout_s);
+        let working = self.page.state(slot) == SlotState::Working;
+        if self.members[slot].role != Role::Controller {
+            return match (started && working, late) {
+                (true, _) => self.end_replacement(None),
+                (_, true) => self.end_replacement(Some("it did not start in time")),
+                _ => {}
+            };
+        }
+        let steps = &self.newest.steps;
+        let (wanted, answers) = (self.job.system.supervision.trial_cycles, steps.trial_answers);
+        // Before the robot was armed for the first time there is no tick to be in time for.
+        let ticking = steps.tick > 0;
+        let foreign = self.members[slot].is_foreign();
+        let settled = if foreign { waited > 10 * LEASE } else { working };
+        if (ticking && answers >= wanted && (working || foreign)) || (!ticking && settled) {
+            self.conclude_trial(waited);
+        } else if late {
+            self.end_trial(&self.why_late(slot));
+        }
+    }
+
+    fn why_late(&self, slot: usize) -> String {
+        let supervision = &self.job.system.supervision;
+        let within = supervision.trial_timeout_s;
+        let refused = self.newest.steps.commands_rejected
+            - self
+                .swap
+                .as_ref()
+                .map_or(0, |swap| swap.rejected_before)
+                .min(self.newest.steps.commands_rejected);
+        match self.page.state(slot) {
+            SlotState::Empty if !self.members[slot].is_foreign() => {
+                format!("it did not open its wires within {within} s")
+            }
+            SlotState::Ready => format!("it did not begin to work within {within} s"),
+            _ if refused > 0 => format!("{refused} of its commands were invalid or not for their tick"),
+            _ => format!(
+                "it did not answer {} cycles in a row in time within {within} s",
+                supervision.trial_cycles
+            ),
+        }
+    }
+
+    fn conclude_trial(&mut self, waited: Duration) {
+        let Some(swap) = self.swap.take() else { return };
+        let old = self.controller(Duty::Work);
+        self.put_in_charge(swap.slot, Duty::Retiring);
+        let old = old.map_or_else(String::new, |old| {
+            self.members[old].retired = Instant::now();
+            if let Some(running) = &self.members[old].running {
+                running.signal(Signal::TERM);
+            } else {
+                self.vacate(old);
+            }
+            self.members[old].name()
+        });
+        self.swaps += 1;
+        let new = self.members[swap.slot].name();
+        let answer = match self.adopt(swap.other) {
+            Ok(()) => Response::done(format!(
+                "{new} is in charge, {} ms after it was asked for",
+                waited.as_millis()
+            )),
+            Err(why) => Response::refused(format!("{new} is in charge, but a successor would not be: {why}")),
+        };
+        info!("{new} is in charge instead of {old}");
+        let _ = swap.reply.send(answer);
+    }
+
+    /// From now on successors are as in `system`.
+    fn adopt(&mut self, system: System) -> Result<(), String> {
+        self.write_system(SYSTEM_FILE, &system)?;
+        self.job.system = system;
+        Ok(())
+    }
+
+    /// The newcomer on trial has died.
+    pub(super) fn trial_died(&mut self, slot: usize, how: &str, last_words: &str) {
+        // Its own log line, without time and level.
+        let words = last_words.split_once("controller: ").map_or(last_words, |(_, words)| words);
+        self.end_trial(&if words.is_empty() { how.to_owned() } else { format!("{how}: {words}") });
+        self.vacate(slot);
+    }
+
+    /// The newcomer is not taken; the old one stays in charge.
+    fn end_trial(&mut self, why: &str) {
+        let Some(swap) = self.swap.take() else { return };
+        let name = self.members[swap.slot].name();
+        let _ = std::fs::remove_file(self.dir.path().join(TRIAL_FILE));
+        self.members[swap.slot].duty = Duty::Retiring;
+        match &self.members[swap.slot].running {
+            // What hangs does not listen.
+            Some(running) => running.signal(Signal::KILL),
+            None => self.vacate(swap.slot),
+        }
+        self.send_authority();
+        let stays = self.controller(Duty::Work).map_or_else(String::new, |slot| self.members[slot].name());
+        warn!("{name} was not taken: {why}; {stays} stays in charge");
+        let _ = swap.reply.send(Response::refused(format!("{name}: {why}; {stays} stays in charge")));
+    }
+
+    fn begin_replacement(
+        &mut self,
+        role: Role,
+        system: System,
+        reply: &Sender<Response>,
+    ) -> Result<(), String> {
+        let slot = self.members.iter().position(|member| member.role == role).ok_or("there is none")?;
+        let other = std::mem::replace(&mut self.job.system, system);
+        self.write_system(SYSTEM_FILE, &self.job.system)?;
+        self.swap = Some(Swap {
+            slot,
+            reply: reply.clone(),
+            since: Instant::now(),
+            other,
+            rejected_before: 0,
+            started: false,
+        });
+        self.restart(slot)
+    }
+
+    /// The box in `slot` leaves and its successor starts as soon as it is gone.
+    fn restart(&mut self, slot: usize) -> Result<(), String> {
+        match &self.members[slot].running {
+            Some(running) => running.signal(Signal::TERM),
+            None => self.spawn(slot)?,
+        }
+        Ok(())
+    }
+
+    /// A box that is being replaced has ended: true if that was wanted.
+    pub(super) fn replaced(&mut self, slot: usize, how: &str) -> bool {
+        let Some(swap) = self.swap.as_mut().filter(|swap| swap.slot == slot) else { return false };
+        if std::mem::replace(&mut swap.started, true) {
+            self.end_replacement(Some(how));
+        } else if let Err(why) = self.spawn(slot) {
+            self.end_replacement(Some(&why));
+        }
+        true
+    }
+
+    fn end_replacement(&mut self, failure: Option<&str>) {
+        let Some(swap) = self.swap.take() else { return };
+        let name = self.members[swap.slot].role.name();
+        let Some(why) = failure else {
+            self.swaps += 1;
+            let _ = swap.reply.send(Response::done(format!("{name} works with the new parameters")));
+            return;
+        };
+        self.job.system = swap.other;
+        let restored = self.write_system(SYSTEM_FILE, &self.job.system).and_then(|()| {
+            if let Some(running) = &self.members[swap.slot].running {
+                running.signal(Signal::KILL);
+                return Ok(());
+            }
+            self.spawn(swap.slot)
+        });
+        let end =
+            restored.map_or_else(|error| error, |()| "one with the old parameters comes back".to_owned());
+        warn!("{name} was not taken: {why}; {end}");
+        let _ = swap.reply.send(Response::refused(format!("{name}: {why}; {end}")));
+    }
+
+    /// Writes a system for workers to read; whole or not at all.
+    fn write_system(&self, name: &str, system: &System) -> Result<(), String> {
+        let file = self.dir.path().join(name);
+        let new = file.with_extension("new");
+        std::fs::write(&new, system.to_toml())
+            .and_then(|()| std::fs::rename(&new, &file))
+            .map_err(|error| format!("{}: {error}", file.display()))
+    }
+}

@@ -1,0 +1,137 @@
+//! A controller's process.
+
+use super::is_new;
+use crate::shell::build;
+use crate::shell::checkpoint::key_of;
+use crate::shell::pairing::Pairing;
+use crate::shell::transport::{Input, Output};
+use crate::shell::worker::{Garbled, Reactive, Report, Worker};
+use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
+use hilare_interfaces::wires::{self, Role};
+use std::iter;
+
+/// reference, pose → command.
+pub struct ControllerProcess {
+    controller: Controller,
+    law: &'static LawSpec,
+    identity: Identity,
+    reference: Input<Reference>,
+    pose: Input<Pose>,
+    pairing: Pairing<Reference, Pose>,
+    command: Output<Command>,
+    key: u64,
+    period_ticks: u64,
+    /// The tick that was answered last, or that the state it began with is of.
+    done: Option<Tick>,
+    report: Report,
+}
+
+/// Ticks after which the state a predecessor left is of no use to a controller any more.
+const STALE_TICKS: Tick = 100;
+
+impl ControllerProcess {
+    /// Opens its ports.
+    pub fn new(worker: &Worker) -> Result<Self, String> {
+        let identity = Identity { source: worker.assignment.slot as u64 + 1, epoch: worker.assignment.epoch };
+        let named = worker.assignment.law.as_deref().and_then(hilare_controller::law);
+        let law = named.unwrap_or(worker.system.controller.law);
+        let setup = (law.name, format!("{:?}", worker.system.controller.values_of(law.name)));
+        Ok(Self {
+            key: key_of((Role::Controller, setup, worker.system.acceptance().name())),
+            period_ticks: worker.system.timing.period_ticks,
+            done: None,
+            controller: build::controller(&worker.system, law, identity)?,
+            law,
+            identity,
+            reference: worker.domain.input(&wires::REFERENCE)?,
+            pose: worker.domain.input(&wires::POSE)?,
+            pairing: Pairing::default(),
+            command: worker.domain.output(&wires::COMMAND)?,
+            report: Report::default(),
+        })
+    }
+}
+
+impl ControllerProcess {
+    fn next(&mut self) -> Option<(Reference, Pose)> {
+        self.pairing.next(|| self.reference.next(), || self.pose.next())
+    }
+
+    /// The controller as it was built.
+    fn renew(&mut self, worker: &Worker) {
+        if let Ok(controller) = build::controller(&worker.system, self.law, self.identity) {
+            self.controller = controller;
+        }
+    }
+
+    /// Begins where another controller of the same law is: its predecessor, or the one it stands by.
+    fn catch_up(&mut self, worker: &mut Worker, tick: Tick) {
+        let before = tick.saturating_sub(self.period_ticks);
+        // Best: as it was before this tick. Else it is a tick ahead: this one is not answered.
+        let fits: [&dyn Fn(Tick) -> bool; 3] = [&|saved| saved == before, &|saved| saved == tick, &|saved| {
+            saved < tick && saved + STALE_TICKS > tick
+        }];
+        for wanted in fits {
+            for slot in worker.page.members(Role::Controller) {
+                match worker.recall(slot, self.key, wanted, &mut self.controller) {
+                    Ok(Some(saved)) => {
+                        self.done = Some(saved);
+                        return;
+                    }
+                    Ok(None) => {}
+                    Err(Garbled) => self.renew(worker),
+                }
+            }
+        }
+        self.done = tick.checked_sub(self.period_ticks);
+    }
+
+    /// Answers a reference with a command, once.
+    fn answer(&mut self, worker: &mut Worker, reference: &Reference, pose: &Pose) {
+        if self.done.is_none() {
+            self.catch_up(worker, reference.tick);
+        }
+        if !is_new(self.done, reference.tick) {
+            return;
+        }
+        let command = self.controller.step(reference.tick, ControllerInputs { reference, pose });
+        self.command.send(&command);
+        self.done = Some(reference.tick);
+        worker.remember(self.key, reference.tick, &mut self.controller);
+        (self.report.state, self.report.reason) = match Fallback::from_code(command.fallback) {
+            None | Some(Fallback::None) => (HealthState::Running, ""),
+            Some(fallback) => (HealthState::Degraded, fallback.label()),
+        };
+        self.report.tick = reference.tick;
+        self.report.steps += 1;
+        self.report.rejected = self.pairing.lost();
+    }
+}
+
+impl Reactive for ControllerProcess {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
+        // Whoever comes late has nothing to say of what is over.
+        let mut next = if self.done.is_none() { iter::from_fn(|| self.next()).last() } else { self.next() };
+        let worked = next.is_some();
+        while let Some((reference, pose)) = next {
+            self.answer(worker, &reference, &pose);
+            next = self.next();
+        }
+        if worked {
+            worker.page.ring(&wires::COMMAND);
+        }
+        worked
+    }
+
+    fn report(&self) -> Report {
+        self.report
+    }
+
+    fn connect(&self) {
+        self.reference.connect();
+        self.pose.connect();
+        self.command.connect();
+    }
+}

@@ -1,0 +1,84 @@
+//! The simulated robot's process.
+
+use super::is_new;
+use crate::shell::build;
+use crate::shell::transport::{Input, Output};
+use crate::shell::worker::{Reactive, Report, Worker};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
+use hilare_interfaces::wires;
+use hilare_plant::Plant;
+
+/// steps → truth, wheels, fix.
+pub struct PlantProcess {
+    plant: Plant,
+    steps: Input<Steps>,
+    truth: Output<Truth>,
+    /// Only of a robot whose estimator reads them.
+    sensors: Option<(Output<Wheels>, Output<PoseFix>)>,
+    /// The tick that was simulated last.
+    done: Option<Tick>,
+    report: Report,
+}
+
+impl PlantProcess {
+    /// Opens its ports.
+    pub fn new(worker: &Worker) -> Result<Self, String> {
+        let domain = &worker.domain;
+        let sensors = match worker.system.reads_sensors() {
+            true => Some((domain.output(&wires::WHEELS)?, domain.output(&wires::FIX)?)),
+            false => None,
+        };
+        Ok(Self {
+            plant: build::plant(&worker.system)?,
+            steps: domain.input(&wires::STEPS)?,
+            truth: domain.output(&wires::TRUTH)?,
+            sensors,
+            done: None,
+            report: Report::default(),
+        })
+    }
+}
+
+impl Reactive for PlantProcess {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
+        let mut worked = false;
+        while let Some(steps) = self.steps.next() {
+            // A successor of the step generator repeats what its predecessor said last.
+            if !is_new(self.done, steps.tick) {
+                continue;
+            }
+            self.done = Some(steps.tick);
+            let observed = self.plant.step(steps.tick, &steps);
+            if let Some((wheels, fix)) = &self.sensors {
+                // The fix first: whoever has the wheels of a tick has its fixes.
+                if let Some(seen) = &observed.fix {
+                    fix.send(seen);
+                }
+                wheels.send(&observed.wheels);
+            }
+            self.truth.send(&observed.truth);
+            self.report.tick = steps.tick;
+            self.report.steps += 1;
+            worked = true;
+        }
+        // Nobody is woken by the truth: its only reader looks by itself.
+        if worked && self.sensors.is_some() {
+            worker.page.ring(&wires::WHEELS);
+        }
+        worked
+    }
+
+    fn report(&self) -> Report {
+        self.report
+    }
+
+    fn connect(&self) {
+        self.steps.connect();
+        self.truth.connect();
+        if let Some((wheels, fix)) = &self.sensors {
+            wheels.connect();
+            fix.connect();
+        }
+    }
+}

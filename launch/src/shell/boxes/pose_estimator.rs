@@ -1,0 +1,122 @@
+//! The pose estimator's process.
+
+use super::is_new;
+use crate::shell::build;
+use crate::shell::checkpoint::key_of;
+use crate::shell::pairing::{Fixes, Pairing};
+use crate::shell::transport::{Input, Output};
+use crate::shell::worker::{Reactive, Report, Worker};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{HealthState, Pose, PoseFix, Steps, Wheels};
+use hilare_interfaces::wires::{self, Role};
+use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
+use std::iter;
+
+/// steps, wheels, fix → pose.
+pub struct EstimatorProcess {
+    estimator: PoseEstimator,
+    steps: Input<Steps>,
+    /// Only of a robot whose sensors it reads: then each tick waits for its wheels.
+    sensors: Option<SensorInputs>,
+    pose: Output<Pose>,
+    period_ticks: u64,
+    key: u64,
+    /// The tick that was estimated last.
+    done: Option<Tick>,
+    report: Report,
+}
+
+/// What the plant says of the robot.
+struct SensorInputs {
+    wheels: Input<Wheels>,
+    fix: Input<PoseFix>,
+    /// The odometry is the encoders', not the steps'.
+    encoders: bool,
+    pairing: Pairing<Steps, Wheels>,
+    fixes: Fixes,
+}
+
+impl EstimatorProcess {
+    /// Opens its ports.
+    pub fn new(worker: &mut Worker) -> Result<Self, String> {
+        let key = key_of((Role::PoseEstimator, worker.system.estimator.name()));
+        let (estimator, done) = worker.resume(key, build::pose_estimator);
+        let system = &worker.system;
+        let sensors = match system.reads_sensors() {
+            true => Some(SensorInputs {
+                wheels: worker.domain.input(&wires::WHEELS)?,
+                fix: worker.domain.input(&wires::FIX)?,
+                encoders: system.motors.has_encoders(),
+                pairing: Pairing::default(),
+                fixes: Fixes::default(),
+            }),
+            false => None,
+        };
+        Ok(Self {
+            estimator,
+            steps: worker.domain.input(&wires::STEPS)?,
+            sensors,
+            pose: worker.domain.output(&wires::POSE)?,
+            period_ticks: system.timing.period_ticks,
+            key,
+            done,
+            report: Report::default(),
+        })
+    }
+
+    /// The next tick of which everything is there, estimated.
+    fn next(&mut self) -> Option<Pose> {
+        let Some(SensorInputs { wheels, fix, encoders, pairing, fixes }) = &mut self.sensors else {
+            // A predecessor, or that of the step generator, may have been as far.
+            let steps = iter::from_fn(|| self.steps.next()).find(|steps| is_new(self.done, steps.tick))?;
+            let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
+            return Some(self.estimator.step(steps.tick, inputs));
+        };
+        let done = self.done;
+        let mut new_steps = || iter::from_fn(|| self.steps.next()).find(|steps| is_new(done, steps.tick));
+        let (steps, wheels) = pairing.next(&mut new_steps, || wheels.next())?;
+        let counts = if *encoders { &wheels.counts } else { &steps.counts };
+        let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
+        let pose = self.estimator.step(steps.tick, inputs);
+        self.report.rejected = pairing.lost();
+        Some(pose)
+    }
+}
+
+impl Reactive for EstimatorProcess {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
+        let mut worked = false;
+        let mut period_begins = false;
+        while let Some(pose) = self.next() {
+            self.pose.send(&pose);
+            if self.done.is_some_and(|done| pose.tick > done + 1) {
+                self.report.state = HealthState::Degraded;
+                self.report.reason = "ticks were lost: the pose was reckoned across the gap";
+            }
+            self.done = Some(pose.tick);
+            worker.remember(self.key, pose.tick, &mut self.estimator);
+            self.report.tick = pose.tick;
+            self.report.steps += 1;
+            period_begins |= pose.tick.is_multiple_of(self.period_ticks);
+            worked = true;
+        }
+        // Only the pose that begins a control period is a reason to wake anybody.
+        if period_begins {
+            worker.page.ring(&wires::POSE);
+        }
+        worked
+    }
+
+    fn report(&self) -> Report {
+        self.report
+    }
+
+    fn connect(&self) {
+        self.steps.connect();
+        if let Some(sensors) = &self.sensors {
+            sensors.wheels.connect();
+            sensors.fix.connect();
+        }
+        self.pose.connect();
+    }
+}

@@ -1,0 +1,101 @@
+//! The waypoint selector's process.
+
+use super::is_new;
+use crate::shell::build;
+use crate::shell::checkpoint::key_of;
+use crate::shell::transport::{Input, Output, SliceInput};
+use crate::shell::worker::{Reactive, Report, Worker};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
+use hilare_interfaces::wires::{self, Role};
+use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
+
+/// pose, path → reference.
+pub struct SelectorProcess {
+    selector: WaypointSelector,
+    pose: Input<Pose>,
+    path: SliceInput<PathHeader, Waypoint>,
+    reference: Output<Reference>,
+    period_ticks: u64,
+    /// A path that came since the last control period.
+    waiting: Option<PathHeader>,
+    waiting_points: Vec<Waypoint>,
+    key: u64,
+    /// The tick that was answered last.
+    done: Option<Tick>,
+    report: Report,
+}
+
+impl SelectorProcess {
+    /// Opens its ports.
+    pub fn new(worker: &mut Worker) -> Result<Self, String> {
+        let key = key_of(Role::WaypointSelector);
+        let (selector, done) = worker.resume(key, build::waypoint_selector);
+        Ok(Self {
+            selector,
+            pose: worker.domain.input(&wires::POSE)?,
+            path: worker.domain.slice_input(&wires::PATH)?,
+            reference: worker.domain.output(&wires::REFERENCE)?,
+            period_ticks: worker.system.timing.period_ticks,
+            waiting: None,
+            waiting_points: Vec::with_capacity(MAX_WAYPOINTS),
+            key,
+            done,
+            report: Report::default(),
+        })
+    }
+
+    /// Copies a new path out of shared memory; it takes effect at the next control period.
+    fn take_path(&mut self) -> bool {
+        let (waiting, points, report) = (&mut self.waiting, &mut self.waiting_points, &mut self.report);
+        let took = self.path.next(|header, waypoints| {
+            *waiting = Some(*header);
+            points.clear();
+            points.extend_from_slice(waypoints);
+            report.path_id = header.path_id;
+        });
+        took.is_some()
+    }
+}
+
+impl Reactive for SelectorProcess {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
+        let mut worked = self.take_path();
+        let mut chosen = false;
+        while let Some(pose) = self.pose.next() {
+            worked = true;
+            self.report.tick = pose.tick;
+            let begins_period = pose.tick.is_multiple_of(self.period_ticks);
+            if !begins_period || !is_new(self.done, pose.tick) {
+                continue;
+            }
+            // A successor says nothing before it has the path again: to stand still would be an order.
+            if self.selector.awaits_path() && self.waiting.is_none() {
+                continue;
+            }
+            let header = self.waiting.take();
+            let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
+            let reference = self.selector.step(pose.tick, SelectorInputs { pose: &pose, path });
+            self.reference.send(&reference);
+            self.done = Some(pose.tick);
+            worker.remember(self.key, pose.tick, &mut self.selector);
+            self.report.steps += 1;
+            self.report.rejected = self.selector.rejected_paths();
+            chosen = true;
+        }
+        if chosen {
+            worker.page.ring(&wires::REFERENCE);
+        }
+        worked
+    }
+
+    fn report(&self) -> Report {
+        self.report
+    }
+
+    fn connect(&self) {
+        self.pose.connect();
+        self.path.connect();
+        self.reference.connect();
+    }
+}
