@@ -120,10 +120,3 @@ impl Block for PoseEstimator {
         }
     }
 }
-
-/// None that could be saved yet: a successor begins anew.
-impl hilare_interfaces::state::Stateful for PoseEstimator {
-    fn visit_state(&mut self, words: &mut hilare_interfaces::state::StateWords<'_>) {
-        words.require(false);
-    }
-}
