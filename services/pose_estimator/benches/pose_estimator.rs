@@ -1,4 +1,5 @@
-//! `cargo bench -p hilare-pose-estimator`: what a tick costs, on one core, with and without a fix.
+//! `cargo bench -p hilare-pose-estimator`: what a tick costs, on one core, with and without a fix; and what
+//! saving the state after it costs, and loading it.
 //!
 //! The medians of rounds. The dearest step there is: the first fix after a whole history without any, of a
 //! picture that was taken just now.
@@ -13,6 +14,7 @@ use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::PoseFix;
+use hilare_interfaces::state::{STATE_WORDS, Stateful};
 use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_pose_estimator::{EstimatorInputs, EstimatorKind, EstimatorSetup, PoseEstimator};
 use std::hint::black_box;
@@ -55,6 +57,38 @@ fn cost_ns(
     rounds[ROUNDS / 2]
 }
 
+/// Words of a state whose last fix is of a picture `age` ticks ago; ns of saving and of loading it.
+fn state_cost_ns(kind: EstimatorKind, setup: EstimatorSetup, age: Tick) -> (usize, f64, f64) {
+    let (mut estimator, mut next) = (PoseEstimator::new(kind, setup), PoseEstimator::new(kind, setup));
+    let mut pose = WorldPose::default();
+    for tick in 0..=10 + age {
+        let taken = taken(tick, tick, pose);
+        let fixes = if tick == 10 { &[taken][..] } else { &[] };
+        pose = estimator.step(tick, EstimatorInputs { counts: &counts(tick), fixes }).pose();
+    }
+    let mut room = [0; STATE_WORDS];
+    let words = estimator.save_state(&mut room).expect("room");
+    let median = |call: &mut dyn FnMut()| {
+        let mut rounds = [(); ROUNDS].map(|()| {
+            let start = Instant::now();
+            (0..1000).for_each(|_| call());
+            start.elapsed().as_nanos() as f64 / 1e3
+        });
+        rounds.sort_by(f64::total_cmp);
+        rounds[ROUNDS / 2]
+    };
+    let save = median(&mut || {
+        black_box(estimator.save_state(black_box(&mut room)));
+    });
+    let load = median(&mut || assert!(next.load_state(black_box(&room[..words]))));
+    (words, save, load)
+}
+
+/// A fix of `pose`.
+fn taken(captured_tick: Tick, tick: Tick, pose: WorldPose) -> PoseFix {
+    PoseFix { tick, captured_tick, x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad }
+}
+
 fn main() {
     let params = EkfParams::default();
     // So that any fix is inside the gate.
@@ -71,13 +105,6 @@ fn main() {
         }
         let full = cost_ns(EstimatorKind::Ekf, setup, 5000, 5000, |_, _| None);
         println!("  ekf             {full:8.0} ns a tick when there was none for 2048 ticks");
-        let taken = |captured_tick, tick, pose: WorldPose| PoseFix {
-            tick,
-            captured_tick,
-            x_m: pose.x_m,
-            y_m: pose.y_m,
-            theta_rad: pose.theta_rad,
-        };
         let usual = cost_ns(EstimatorKind::Ekf, setup, 5000, 4000, |tick, pose| {
             (tick % 40 == 0).then(|| taken(tick - 60, tick, pose))
         });
@@ -89,5 +116,12 @@ fn main() {
         let newest = cost_ns(EstimatorKind::Ekf, setup, 5000, 1, |tick, pose| Some(taken(tick, tick, pose)));
         println!("  ekf             {:8.2} us a fix as old as the history of 2048", oldest / 1e3);
         println!("  ekf             {:8.2} us a fix of now, the first in 2048 ticks", newest / 1e3);
+        for kind in EstimatorKind::ALL {
+            for age in if kind == EstimatorKind::Ekf { &[60, 100, 2048][..] } else { &[100] } {
+                let (words, save, load) = state_cost_ns(kind, setup, *age);
+                let fix = if kind.needs_fixes() { format!(", a fix {age} ticks ago") } else { String::new() };
+                println!("  {:<15} {save:8.0} ns to save {words} words{fix}; {load:.0} to load", kind.name());
+            }
+        }
     }
 }

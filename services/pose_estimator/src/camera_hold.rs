@@ -6,6 +6,7 @@
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
 use hilare_interfaces::messages::{Pose, PoseFix};
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// The estimator.
 #[derive(Clone, Debug)]
@@ -29,6 +30,13 @@ impl CameraHold {
             self.measured_tick = fix.captured_tick;
         }
         Pose { measured_tick: self.measured_tick.min(tick), ..Pose::at(tick, self.pose) }
+    }
+}
+
+impl Stateful for CameraHold {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.measured_tick);
+        words.pose(&mut self.pose);
     }
 }
 

@@ -7,6 +7,7 @@
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// The estimator.
 #[derive(Clone, Debug)]
@@ -58,7 +59,7 @@ impl DeadReckoning {
         // [MH18] (30), (3): wheel angles into a displacement of the body.
         let moved = self.chassis.twist(wheel_rad);
         let heading_rad = self.heading_rad(*counts);
-        if tick != self.tick + 1 {
+        if tick != self.tick.wrapping_add(1) {
             // Messages were lost: the chord of an arc points along the mean heading.
             let (sin, cos) = libm::sincos((self.pose.theta_rad + heading_rad) / 2.0);
             self.cos_sin = (cos, sin);
@@ -85,6 +86,17 @@ impl DeadReckoning {
             self.tick = tick;
         }
         self.pose
+    }
+}
+
+impl Stateful for DeadReckoning {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.tick);
+        self.counts.iter_mut().for_each(|count| words.signed(count));
+        words.pose(&mut self.pose);
+        let mut cos_sin = [self.cos_sin.0, self.cos_sin.1];
+        words.finite(&mut cos_sin);
+        self.cos_sin = (cos_sin[0], cos_sin[1]);
     }
 }
 

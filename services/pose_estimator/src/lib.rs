@@ -25,6 +25,7 @@ use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{Pose, PoseFix};
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// What a tick reads.
 #[derive(Clone, Copy, Debug)]
@@ -103,6 +104,16 @@ impl PoseEstimator {
             }
             EstimatorKind::Camera => Self::Camera(CameraHold::new(setup.start)),
             EstimatorKind::Ekf => Self::Ekf(Box::new(Ekf::new(&setup, setup.ekf))),
+        }
+    }
+}
+
+impl Stateful for PoseEstimator {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        match self {
+            Self::DeadReckoning(estimator) => estimator.visit_state(words),
+            Self::Camera(estimator) => estimator.visit_state(words),
+            Self::Ekf(estimator) => estimator.visit_state(words),
         }
     }
 }

@@ -1,9 +1,10 @@
-//! A step of an estimator allocates nothing, whatever comes.
+//! A step of an estimator allocates nothing, whatever comes; nor does saving or loading its state.
 #![allow(unsafe_code, reason = "a counting allocator can only be written with it")]
 
 mod support;
 
 use hilare_interfaces::block::Block;
+use hilare_interfaces::state::{STATE_WORDS, Stateful};
 use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_pose_estimator::{EstimatorInputs, EstimatorKind, PoseEstimator};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -34,13 +35,14 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn no_step_allocates() {
+fn neither_a_step_nor_saving_nor_loading_allocates() {
     // Short, so that the history runs over whenever the robot is carried away.
     let setup = differential(EkfParams { history_ticks: 80, ..EkfParams::default() });
     for kind in EstimatorKind::ALL {
         let mut robot = Robot::new(&setup, Wrong::default(), Noise::new(1));
         let mut camera = Camera::usual(Noise::new(2));
         let mut estimator = PoseEstimator::new(kind, setup);
+        let (mut successor, mut room) = (PoseEstimator::new(kind, setup), [0; STATE_WORDS]);
         for tick in 1..20_000 {
             robot.turn([1, (tick % 3 == 0).into(), 0, 0]);
             if tick % 5000 == 0 {
@@ -49,6 +51,8 @@ fn no_step_allocates() {
             let fix = camera.watch(tick, robot.pose).filter(|fix| fix.captured_tick % 3000 < 2000);
             let before = COUNT.get();
             estimator.step(tick, EstimatorInputs { counts: &robot.counts, fixes: fix.as_slice() });
+            let words = estimator.save_state(&mut room).expect("room");
+            assert!(successor.load_state(&room[..words]), "{} at tick {tick}", kind.name());
             assert_eq!(COUNT.get() - before, 0, "{} at tick {tick}", kind.name());
         }
         if let PoseEstimator::Ekf(ekf) = &estimator {

@@ -16,6 +16,7 @@ use super::motion::{Moved, arc};
 use super::params::EkfParams;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
+use hilare_interfaces::state::{StateWords, Stateful};
 use nalgebra::{Cholesky, Matrix3, Vector3};
 
 /// Sum of variances (m², rad²) from which on nothing is known of the pose: counts no wheel can make.
@@ -59,6 +60,16 @@ pub fn prior_scale_cov(chassis: &Chassis, params: &EkfParams) -> Matrix3<f64> {
 /// The average of a matrix and its transpose.
 fn symmetric(m: &Matrix3<f64>) -> Matrix3<f64> {
     (m + m.transpose()) * 0.5
+}
+
+impl Stateful for Belief {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.finite(self.pose.as_mut_slice());
+        words.finite(self.scale.as_mut_slice());
+        for block in [&mut self.pose_cov, &mut self.cross_cov, &mut self.scale_cov] {
+            words.finite(block.as_mut_slice());
+        }
+    }
 }
 
 impl Belief {

@@ -32,6 +32,7 @@ use hilare_interfaces::block::Tick;
 use hilare_interfaces::chassis::{MAX_WHEELS, PerWheel};
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
 use hilare_interfaces::messages::PoseFix;
+use hilare_interfaces::state::{StateWords, Stateful};
 use history::{Counted, History};
 use motion::{Motion, arc};
 use nalgebra::{Matrix3, Vector3};
@@ -63,6 +64,13 @@ struct Rival {
     belief: Belief,
     /// Fixes in a row that agree with it.
     agreed: u64,
+}
+
+impl Stateful for Rival {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.belief.visit_state(words);
+        words.word(&mut self.agreed);
+    }
 }
 
 /// The estimator.
@@ -218,6 +226,23 @@ impl Ekf {
         self.belief = rival.belief;
         self.counts.restarts += 1;
         true
+    }
+}
+
+impl Stateful for Ekf {
+    /// All of it, the history too, so that a fix under way is used as if nothing had happened. What became of
+    /// the fixes so far is the process's own.
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.belief.visit_state(words);
+        let restart_after = self.params.restart_after;
+        words.option(&mut self.rival, Rival { belief: self.belief, agreed: 0 }, |rival, words| {
+            rival.visit_state(words);
+            words.require(rival.agreed < restart_after);
+        });
+        self.per_count.iter_mut().for_each(|gain| words.finite(gain.as_mut_slice()));
+        words.finite(self.pose.as_mut_slice());
+        words.option(&mut self.captured, 0, |tick, words| words.word(tick));
+        self.history.visit_state(words);
     }
 }
 

@@ -1,6 +1,10 @@
 //! What the filter is told of the robot and of the camera.
 
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::STATE_WORDS;
+
+/// Longest history: a tick of it is a word of the state, and the filter itself has some hundred.
+pub const HISTORY_TICKS_MAX: u64 = STATE_WORDS as u64 * 15 / 16;
 
 param_group! {
     /// The extended Kalman filter: what it may believe of odometry and camera. A standard deviation (sd) of 0
@@ -32,6 +36,6 @@ param_group! {
         /// So many outliers in a row that agree with one another restart the filter where they say.
         restart_after: u64 = 5, "", 2, 1000;
         /// Ticks of odometry that are kept; a fix of an older picture cannot be used.
-        history_ticks: u64 = 2048, "ticks", 2, 16384;
+        history_ticks: u64 = 2048, "ticks", 2, HISTORY_TICKS_MAX;
     }
 }

@@ -1,3 +1,4 @@
+use super::params::HISTORY_TICKS_MAX;
 use super::*;
 use crate::dead_reckoning::DeadReckoning;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
@@ -140,7 +141,8 @@ fn what_cannot_be_used_is_refused_and_counted() {
 fn a_history_that_runs_over_forgets_no_way() {
     let truth = truths(6000);
     let short = EkfParams { history_ticks: 100, ..EkfParams::default() };
-    let (mut short, mut long) = (ekf_with(short), ekf_with(EkfParams { history_ticks: 16_384, ..short }));
+    let (mut short, mut long) =
+        (ekf_with(short), ekf_with(EkfParams { history_ticks: HISTORY_TICKS_MAX, ..short }));
     for tick in 0..=6000 {
         let picture = (tick == 5990).then(|| fix(truth[5930], [2e-3, 1e-3, 0.01], 5930, tick));
         let pair = (
