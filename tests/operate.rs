@@ -219,6 +219,13 @@ fn two_robots_side_by_side() {
     right.tell(&["follow", &path]);
     right.await_speed();
     right.tell(&["down"]);
+    // An emergency stop outlasts its robot.
+    let ended = lab.hilare(&["up", "--detach", "--robot", &left.name]).expect_code(0);
+    assert!(ended.stdout.contains("is up"), "{ended:#?}");
+    assert_eq!(text(&left.status(), "mode"), "e-stop");
+    assert!(lab.hilare(&["arm", "--robot", &left.name]).expect_code(1).stderr.contains("hilare reset"));
+    left.tell(&["down"]);
+    left.tell(&["reset"]);
     lab.assert_nothing_left("two robots");
 }
 

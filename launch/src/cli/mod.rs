@@ -100,7 +100,7 @@ enum Verb {
         Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
     )]
     Compare(compare::CompareArgs),
-    /// Put another controller in charge, or give a box other parameters, while the robot drives
+    /// Change the controller, or the parameters of a box, while the robot drives
     #[command(after_help = "Examples: hilare swap controller qp\n  \
         hilare swap controller ./my_controller.py\n  \
         hilare swap waypoint_selector --set tracking.speed_mps=0.03\n\

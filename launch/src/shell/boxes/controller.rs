@@ -10,7 +10,6 @@ use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
 use hilare_interfaces::wires::{self, Role};
-use std::iter;
 
 /// reference, pose → command.
 pub struct ControllerProcess {
@@ -88,6 +87,21 @@ impl ControllerProcess {
         self.done = tick.checked_sub(self.period_ticks);
     }
 
+    /// Whoever comes late has nothing to say of what is over: of the references that wait it answers the
+    /// last, and the one before, whose command may act now.
+    fn begin(&mut self, worker: &mut Worker) {
+        let mut last = [None; 2];
+        while let Some(next) = self.next() {
+            last = [last[1], Some(next)];
+        }
+        for (reference, pose) in last.into_iter().flatten() {
+            self.answer(worker, &reference, &pose);
+        }
+        if self.done.is_some() {
+            worker.page.ring(&wires::COMMAND);
+        }
+    }
+
     /// Answers a reference with a command, once.
     fn answer(&mut self, worker: &mut Worker, reference: &Reference, pose: &Pose) {
         if self.done.is_none() {
@@ -112,12 +126,13 @@ impl ControllerProcess {
 
 impl Reactive for ControllerProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
-        // Whoever comes late has nothing to say of what is over.
-        let mut next = if self.done.is_none() { iter::from_fn(|| self.next()).last() } else { self.next() };
-        let worked = next.is_some();
-        while let Some((reference, pose)) = next {
+        if self.done.is_none() {
+            self.begin(worker);
+        }
+        let mut worked = false;
+        while let Some((reference, pose)) = self.next() {
             self.answer(worker, &reference, &pose);
-            next = self.next();
+            worked = true;
         }
         if worked {
             worker.page.ring(&wires::COMMAND);
