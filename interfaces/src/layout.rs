@@ -10,6 +10,8 @@ pub trait WireField: Copy + 'static {
     const TYPE: &'static str;
     /// Number of elements; 1 unless it is an array.
     const LEN: usize;
+    /// Layout of an element that is a message itself; `None` for a scalar.
+    const NESTED: Option<&'static Layout> = None;
     /// The all-zero value.
     const ZERO: Self;
 }
@@ -28,6 +30,7 @@ scalar!(u8 = 0, u64 = 0, i64 = 0, f64 = 0.0);
 impl<T: WireField, const N: usize> WireField for [T; N] {
     const TYPE: &'static str = T::TYPE;
     const LEN: usize = N * T::LEN;
+    const NESTED: Option<&'static Layout> = T::NESTED;
     const ZERO: Self = [T::ZERO; N];
 }
 
@@ -42,6 +45,25 @@ pub struct Field {
     pub len: usize,
     /// Byte offset in the struct.
     pub offset: usize,
+    /// Layout of the element if it is a message itself.
+    pub nested: Option<&'static Layout>,
+    /// What it is: its documentation, a line of it a line.
+    pub doc: &'static str,
+}
+
+/// A wire message as data: what a program in another language needs to know of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Versioned name, e.g. `hilare/Pose/v1`.
+    pub name: &'static str,
+    /// Name of the struct, e.g. `Pose`.
+    pub ident: &'static str,
+    /// Bytes of the struct.
+    pub size: usize,
+    /// The fields in order.
+    pub fields: &'static [Field],
+    /// What it is: its documentation, a line of it a line.
+    pub doc: &'static str,
 }
 
 /// A `repr(C)` message that may lie in shared memory.
@@ -57,6 +79,8 @@ pub unsafe trait WireMessage: WireField {
     const NAME: &'static str;
     /// The fields in order.
     const FIELDS: &'static [Field];
+    /// All there is to know of it.
+    const LAYOUT: Layout;
     /// Hash over the name and the fields.
     const LAYOUT_HASH: u64 = layout_hash(Self::NAME, Self::FIELDS);
 }
@@ -88,15 +112,19 @@ pub const fn layout_hash(name: &str, fields: &[Field]) -> u64 {
 /// Declares a wire message: a `repr(C)` struct, its versioned name and its layout.
 #[macro_export]
 macro_rules! wire_message {
-    ($(#[$doc:meta])* $name:ident = $wire_name:literal { $($(#[$fdoc:meta])* $field:ident : $type:ty,)* }) => {
-        $(#[$doc])*
+    ($(#[doc = $doc:literal])* $name:ident = $wire_name:literal {
+        $($(#[doc = $fdoc:literal])* $field:ident : $type:ty,)*
+    }) => {
+        $(#[doc = $doc])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, PartialEq)]
-        pub struct $name { $($(#[$fdoc])* pub $field: $type,)* }
+        pub struct $name { $($(#[doc = $fdoc])* pub $field: $type,)* }
 
         impl $crate::layout::WireField for $name {
             const TYPE: &'static str = $wire_name;
             const LEN: usize = 1;
+            const NESTED: Option<&'static $crate::layout::Layout> =
+                Some(&<Self as $crate::layout::WireMessage>::LAYOUT);
             const ZERO: Self = Self { $($field: <$type as $crate::layout::WireField>::ZERO,)* };
         }
 
@@ -114,7 +142,16 @@ macro_rules! wire_message {
                 type_name: <$type as $crate::layout::WireField>::TYPE,
                 len: <$type as $crate::layout::WireField>::LEN,
                 offset: core::mem::offset_of!($name, $field),
+                nested: <$type as $crate::layout::WireField>::NESTED,
+                doc: concat!($($fdoc, "\n"),*),
             },)*];
+            const LAYOUT: $crate::layout::Layout = $crate::layout::Layout {
+                name: $wire_name,
+                ident: stringify!($name),
+                size: core::mem::size_of::<$name>(),
+                fields: Self::FIELDS,
+                doc: concat!($($doc, "\n"),*),
+            };
         }
 
         const _: () = assert!(

@@ -12,7 +12,7 @@ use crate::wire_message;
 
 mod codes;
 
-pub use codes::{Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState};
+pub use codes::{CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState};
 
 /// Coming waypoints a [`Reference`] carries beyond the current one.
 pub const PREVIEW: usize = 32;

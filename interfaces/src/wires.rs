@@ -3,7 +3,7 @@
 //! Ports, doorbells, start order, `hilare diagram` and the README's picture read this table; there
 //! is no second list.
 
-use crate::layout::WireMessage;
+use crate::layout::{Layout, WireMessage};
 use crate::messages::{
     Answer, Authority, Command, GoalHeader, Health, PathHeader, Pose, PoseFix, Reference, Steps, Truth,
     Waypoint, Wheels,
@@ -89,10 +89,10 @@ pub struct Reader {
 pub struct Wire {
     /// Name; the service is `hilare/<name>`.
     pub name: &'static str,
-    /// Versioned message name; for slices that of the header.
-    pub message: &'static str,
-    /// Versioned element name if the payload is a slice.
-    pub element: Option<&'static str>,
+    /// The message; for slices the header.
+    pub message: Layout,
+    /// The element if the payload is a slice.
+    pub element: Option<Layout>,
     /// Layout hash of message and element together.
     pub layout_hash: u64,
     /// Writers.
@@ -125,8 +125,8 @@ const ALL: &[Role] = &Role::WORKERS;
 /// Goals to the planner.
 pub const GOAL: Wire = Wire {
     name: "goal",
-    message: GoalHeader::NAME,
-    element: Some(Waypoint::NAME),
+    message: GoalHeader::LAYOUT,
+    element: Some(Waypoint::LAYOUT),
     layout_hash: GoalHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
     from: &[Role::Launch],
     to: &[wakes(Role::Planner)],
@@ -139,7 +139,7 @@ pub const GOAL: Wire = Wire {
 /// The planner's answers.
 pub const ANSWER: Wire = Wire {
     name: "answer",
-    message: Answer::NAME,
+    message: Answer::LAYOUT,
     element: None,
     layout_hash: Answer::LAYOUT_HASH,
     from: &[Role::Planner],
@@ -153,8 +153,8 @@ pub const ANSWER: Wire = Wire {
 /// Paths to the waypoint selector.
 pub const PATH: Wire = Wire {
     name: "path",
-    message: PathHeader::NAME,
-    element: Some(Waypoint::NAME),
+    message: PathHeader::LAYOUT,
+    element: Some(Waypoint::LAYOUT),
     layout_hash: PathHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
     from: &[Role::Planner],
     to: &[wakes(Role::WaypointSelector), polls(Role::Recorder)],
@@ -167,7 +167,7 @@ pub const PATH: Wire = Wire {
 /// What to track.
 pub const REFERENCE: Wire = Wire {
     name: "reference",
-    message: Reference::NAME,
+    message: Reference::LAYOUT,
     element: None,
     layout_hash: Reference::LAYOUT_HASH,
     from: &[Role::WaypointSelector],
@@ -181,7 +181,7 @@ pub const REFERENCE: Wire = Wire {
 /// Velocity commands.
 pub const COMMAND: Wire = Wire {
     name: "command",
-    message: Command::NAME,
+    message: Command::LAYOUT,
     element: None,
     layout_hash: Command::LAYOUT_HASH,
     from: &[Role::Controller],
@@ -196,7 +196,7 @@ pub const COMMAND: Wire = Wire {
 /// Who may drive.
 pub const AUTHORITY: Wire = Wire {
     name: "authority",
-    message: Authority::NAME,
+    message: Authority::LAYOUT,
     element: None,
     layout_hash: Authority::LAYOUT_HASH,
     from: &[Role::Launch],
@@ -210,7 +210,7 @@ pub const AUTHORITY: Wire = Wire {
 /// Steps done.
 pub const STEPS: Wire = Wire {
     name: "steps",
-    message: Steps::NAME,
+    message: Steps::LAYOUT,
     element: None,
     layout_hash: Steps::LAYOUT_HASH,
     from: &[Role::StepGenerator],
@@ -224,7 +224,7 @@ pub const STEPS: Wire = Wire {
 /// What the robot's encoders say; the pulse of the plant.
 pub const WHEELS: Wire = Wire {
     name: "wheels",
-    message: Wheels::NAME,
+    message: Wheels::LAYOUT,
     element: None,
     layout_hash: Wheels::LAYOUT_HASH,
     from: &[Role::Plant],
@@ -238,7 +238,7 @@ pub const WHEELS: Wire = Wire {
 /// The robot seen from outside.
 pub const FIX: Wire = Wire {
     name: "fix",
-    message: PoseFix::NAME,
+    message: PoseFix::LAYOUT,
     element: None,
     layout_hash: PoseFix::LAYOUT_HASH,
     from: &[Role::Plant],
@@ -253,7 +253,7 @@ pub const FIX: Wire = Wire {
 /// Where the robot thinks it is.
 pub const POSE: Wire = Wire {
     name: "pose",
-    message: Pose::NAME,
+    message: Pose::LAYOUT,
     element: None,
     layout_hash: Pose::LAYOUT_HASH,
     from: &[Role::PoseEstimator],
@@ -274,7 +274,7 @@ pub const POSE: Wire = Wire {
 /// Where the robot is.
 pub const TRUTH: Wire = Wire {
     name: "truth",
-    message: Truth::NAME,
+    message: Truth::LAYOUT,
     element: None,
     layout_hash: Truth::LAYOUT_HASH,
     from: &[Role::Plant],
@@ -288,7 +288,7 @@ pub const TRUTH: Wire = Wire {
 /// How everybody fares.
 pub const HEALTH: Wire = Wire {
     name: "health",
-    message: Health::NAME,
+    message: Health::LAYOUT,
     element: None,
     layout_hash: Health::LAYOUT_HASH,
     from: ALL,

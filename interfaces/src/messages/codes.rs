@@ -1,13 +1,52 @@
 //! Codes in messages: integers on the wire, enums inside, checked where they are decoded.
 
+/// One code of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Name of the enum's variant.
+    pub ident: &'static str,
+    /// The code on the wire.
+    pub code: u64,
+    /// What it means: its documentation, a line of it a line.
+    pub doc: &'static str,
+}
+
+/// The codes of one enum as data, for programs in other languages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodeTable {
+    /// Name of the enum.
+    pub ident: &'static str,
+    /// Its codes.
+    pub codes: &'static [Code],
+    /// What it says: its documentation, a line of it a line.
+    pub doc: &'static str,
+}
+
+/// Every enum whose codes stand in a message.
+pub const CODES: &[CodeTable] =
+    &[GoalKind::TABLE, ReferenceState::TABLE, Mode::TABLE, Fallback::TABLE, Drive::TABLE, HealthState::TABLE];
+
 /// Declares an enum with its wire code and a checked decode.
 macro_rules! code_enum {
-    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $code:literal, $label:literal;)* }) => {
-        $(#[$doc])*
+    ($(#[doc = $doc:literal])* $name:ident {
+        $($(#[doc = $vdoc:literal])* $variant:ident = $code:literal, $label:literal;)*
+    }) => {
+        $(#[doc = $doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name { $($(#[$vdoc])* $variant = $code,)* }
+        pub enum $name { $($(#[doc = $vdoc])* $variant = $code,)* }
 
         impl $name {
+            /// Its codes as data.
+            pub const TABLE: CodeTable = CodeTable {
+                ident: stringify!($name),
+                codes: &[$(Code {
+                    ident: stringify!($variant),
+                    code: $code,
+                    doc: concat!($($vdoc, "\n"),*),
+                },)*],
+                doc: concat!($($doc, "\n"),*),
+            };
+
             /// The code on the wire.
             pub const fn code(self) -> u64 { self as u64 }
 

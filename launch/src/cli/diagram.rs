@@ -1,6 +1,8 @@
-//! `hilare diagram`: the wire table as a picture.
+//! `hilare diagram`: the wire table as a picture, as JSON, and for programs in other languages.
 
+use super::header::{self, Language};
 use super::{VerbResult, print};
+use crate::shell::transport::service_of;
 use clap::Args;
 use hilare_interfaces::wires::{Rate, Role, WIRES, Wire};
 use std::process::ExitCode;
@@ -9,13 +11,18 @@ use std::process::ExitCode;
 #[derive(Args)]
 pub struct DiagramArgs {
     /// The table as JSON
-    #[arg(long)]
+    #[arg(long, conflicts_with = "header")]
     json: bool,
+    /// The messages as a source file for external controllers
+    #[arg(long, value_name = "LANGUAGE")]
+    header: Option<Language>,
 }
 
 /// Prints the diagram.
 pub fn diagram(args: &DiagramArgs) -> VerbResult {
-    if args.json {
+    if let Some(language) = args.header {
+        print(&header::text(language));
+    } else if args.json {
         let wires: Vec<_> = WIRES.iter().map(|wire| as_json(wire)).collect();
         print(&format!("{}\n", serde_json::to_string_pretty(&wires).unwrap_or_default()));
     } else {
@@ -27,9 +34,9 @@ pub fn diagram(args: &DiagramArgs) -> VerbResult {
 fn as_json(wire: &Wire) -> serde_json::Value {
     serde_json::json!({
         "name": wire.name,
-        "service": format!("hilare/{}", wire.name),
-        "message": wire.message,
-        "element": wire.element,
+        "service": service_of(wire),
+        "message": wire.message.name,
+        "element": wire.element.map(|element| element.name),
         "layout_hash": format!("{:016x}", wire.layout_hash),
         "from": wire.from.iter().map(|role| role.name()).collect::<Vec<_>>(),
         "to": wire.to.iter().map(|reader| reader.role.name()).collect::<Vec<_>>(),
@@ -40,7 +47,8 @@ fn as_json(wire: &Wire) -> serde_json::Value {
     })
 }
 
-fn rate(wire: &Wire) -> String {
+/// How often a wire carries a message, in words.
+pub fn rate(wire: &Wire) -> String {
     match wire.rate {
         Rate::EveryTick => "1 kHz".to_owned(),
         Rate::EveryPeriod => "every control period".to_owned(),

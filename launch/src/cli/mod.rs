@@ -8,6 +8,7 @@ mod diagram;
 mod doctor;
 mod ending;
 mod fit;
+mod header;
 mod operate;
 mod plan;
 mod run;
@@ -107,7 +108,9 @@ enum Verb {
         Exit codes: 0 done, 1 refused (the old one stays), 2 wrong use.")]
     Swap(operate::SwapArgs),
     /// Print the block diagram the wires are built from
-    #[command(after_help = "Example: hilare diagram --json\nExit codes: 0 done, 2 wrong use.")]
+    #[command(
+        after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
+    )]
     Diagram(diagram::DiagramArgs),
     /// Check what this machine allows, each finding with its cure
     #[command(

@@ -101,7 +101,8 @@ fn become_program(program: &Path, assignment: &Assignment) -> String {
     let wanted = system.realtime(assignment.role);
     let on_the_tick = assignment.clock == ClockKind::Real && wanted.priority > 0;
     realtime::apply(realtime::Request {
-        priority: if on_the_tick { wanted.priority } else { 0 },
+        // Below our own controllers: it may spin.
+        priority: if on_the_tick { wanted.priority - 1 } else { 0 },
         cpu: CpuChoice::from_key(assignment.cpu),
         // Locks do not survive exec.
         lock_memory: false,

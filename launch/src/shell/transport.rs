@@ -139,12 +139,12 @@ impl Domain {
     }
 
     fn service_name(wire: &Wire) -> Result<ServiceName, TransportError> {
-        let name = format!("hilare/{}", wire.name);
+        let name = service_of(wire);
         name.as_str().try_into().map_err(|e| failed(name.clone(), e))
     }
 
     fn create<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Service<T>, TransportError> {
-        debug_assert_eq!(wire.message, T::NAME);
+        debug_assert_eq!(wire.message.name, T::NAME);
         self.node
             .service_builder(&Self::service_name(wire)?)
             .publish_subscribe::<OnWire<T>>()
@@ -163,7 +163,7 @@ impl Domain {
         &self,
         wire: &Wire,
     ) -> Result<SliceService<H, T>, TransportError> {
-        debug_assert_eq!((wire.message, wire.element), (H::NAME, Some(T::NAME)));
+        debug_assert_eq!((wire.message, wire.element), (H::LAYOUT, Some(T::LAYOUT)));
         self.node
             .service_builder(&Self::service_name(wire)?)
             .publish_subscribe::<[OnWire<T>]>()
@@ -259,9 +259,16 @@ fn max_subscribers(wire: &Wire) -> usize {
     wire.to.len() + 6
 }
 
-const LAYOUT: &str = "layout";
+/// Name of a wire's service.
+pub fn service_of(wire: &Wire) -> String {
+    format!("hilare/{}", wire.name)
+}
 
-fn layout_value(wire: &Wire) -> String {
+/// The service attribute both ends of a wire compare before they talk.
+pub const LAYOUT: &str = "layout";
+
+/// Its value: the layout hash of the wire's messages, and the version.
+pub fn layout_value(wire: &Wire) -> String {
     format!("{:016x} {}", wire.layout_hash, env!("CARGO_PKG_VERSION"))
 }
 
@@ -291,7 +298,7 @@ fn open_failed(wire: &Wire, cause: PublishSubscribeOpenError) -> TransportError 
         | PublishSubscribeOpenError::VersionMismatch => TransportError(format!(
             "wire {}: this program speaks {} with layout {}, launch another one; use the same build for both",
             wire.name,
-            wire.message,
+            wire.message.name,
             layout_value(wire)
         )),
         PublishSubscribeOpenError::DoesNotExist => TransportError(format!(
