@@ -3,7 +3,6 @@
 mod support;
 
 use rustix::process::Signal;
-use std::path::Path;
 use std::time::Duration;
 use support::random::Random;
 use support::{Ended, Lab, Running, comes_true, number, pid_of};

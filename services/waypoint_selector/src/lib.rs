@@ -247,17 +247,3 @@ mod tests {
         assert_eq!(reference.preview[PREVIEW - 1].x_m, 1.0 + PREVIEW as f64);
     }
 }
-
-/// None that could be saved yet: a successor begins anew.
-impl hilare_interfaces::state::Stateful for WaypointSelector {
-    fn visit_state(&mut self, words: &mut hilare_interfaces::state::StateWords<'_>) {
-        words.require(false);
-    }
-}
-
-impl WaypointSelector {
-    /// True if it goes on where a predecessor was as soon as it has its path.
-    pub fn awaits_path(&self) -> bool {
-        false
-    }
-}
