@@ -4,6 +4,12 @@
 //! reference when waypoint k is accepted, in the paper when the robot is within d_T of it; other laws
 //! ask for other rules ([`Acceptance`]). The run has arrived when the last one is accepted. At most one
 //! waypoint is accepted a control period, as in the paper's loop.
+//!
+//! A selector that has loaded the state of another knows where on which path that one was, but not the
+//! waypoints, which are too many to be saved every period. It waits for the path ([`awaits_path`]), and goes on
+//! where the other one was as soon as it comes.
+//!
+//! [`awaits_path`]: WaypointSelector::awaits_path
 #![no_std]
 
 extern crate alloc;
@@ -19,6 +25,7 @@ use hilare_interfaces::messages::{
     MAX_WAYPOINTS, PREVIEW, PathHeader, Pose, Reference, ReferenceState, Waypoint,
 };
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 param_group! {
     /// How a path is tracked.
@@ -48,6 +55,35 @@ pub struct SelectorInputs<'a> {
     pub path: Option<NewPath<'a>>,
 }
 
+/// How far along a path a selector is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Progress {
+    path_id: u64,
+    /// Waypoints of the path.
+    total: usize,
+    /// The current one.
+    index: usize,
+    arrived: bool,
+    /// The last pose was inside the circle of the current waypoint.
+    inside: bool,
+}
+
+impl Progress {
+    /// What one is loaded over.
+    const BLANK: Self = Self { path_id: 0, total: 2, index: 1, arrived: false, inside: false };
+}
+
+impl Stateful for Progress {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.path_id);
+        words.index(&mut self.total, MAX_WAYPOINTS + 1);
+        words.index(&mut self.index, self.total);
+        words.require(self.index > 0);
+        words.flag(&mut self.arrived);
+        words.flag(&mut self.inside);
+    }
+}
+
 /// The box.
 #[derive(Clone, Debug)]
 pub struct WaypointSelector {
@@ -58,6 +94,8 @@ pub struct WaypointSelector {
     rejected_paths: u64,
     /// The last pose was inside the circle of the current waypoint.
     inside: bool,
+    /// Where to go on once its path is there.
+    awaited: Option<Progress>,
 }
 
 impl WaypointSelector {
@@ -70,6 +108,7 @@ impl WaypointSelector {
             reference: Reference::ZERO,
             rejected_paths: 0,
             inside: false,
+            awaited: None,
         }
     }
 
@@ -78,6 +117,26 @@ impl WaypointSelector {
         self.rejected_paths
     }
 
+    /// The path that has to come before this selector goes on where the one was whose state it loaded. Until
+    /// then what it answers is not that one's: its references say that there is no path yet. `None` once the
+    /// path, or any other, is there.
+    pub fn awaits_path(&self) -> Option<u64> {
+        self.awaited.map(|progress| progress.path_id)
+    }
+
+    fn progress(&self) -> Option<Progress> {
+        let reference = &self.reference;
+        let under_way = || Progress {
+            path_id: reference.path_id,
+            total: self.waypoints.len(),
+            index: reference.index as usize,
+            arrived: reference.state == ReferenceState::Arrived.code(),
+            inside: self.inside,
+        };
+        self.awaited.or_else(|| (reference.state != ReferenceState::Idle.code()).then(under_way))
+    }
+
+    /// The path that is awaited is gone on with, any other begins anew.
     fn take_path(&mut self, path: NewPath<'_>) {
         let valid = (2..=MAX_WAYPOINTS).contains(&path.waypoints.len())
             && path.waypoints.iter().all(|waypoint| waypoint.is_finite());
@@ -94,7 +153,28 @@ impl WaypointSelector {
             speed_mps: self.tracking.speed_mps,
             ..Reference::ZERO
         };
-        self.point_at(1);
+        let same = |awaited: &Progress| {
+            (awaited.path_id, awaited.total) == (path.header.path_id, path.waypoints.len())
+        };
+        match self.awaited.take().filter(same) {
+            Some(awaited) => self.go_on(awaited),
+            None => self.point_at(1),
+        }
+    }
+
+    /// Takes up a path where another selector was.
+    fn go_on(&mut self, progress: Progress) {
+        self.point_at(progress.index);
+        self.inside = progress.inside;
+        if progress.arrived {
+            self.arrive();
+        }
+    }
+
+    /// The segment stays for those who report the distance to it.
+    fn arrive(&mut self) {
+        self.reference.state = ReferenceState::Arrived.code();
+        self.reference.speed_mps = 0.0;
     }
 
     /// Makes waypoint `index` the current one.
@@ -107,6 +187,8 @@ impl WaypointSelector {
         let len = coming.len().min(PREVIEW);
         self.reference.preview_len = len as u64;
         self.reference.preview[..len].copy_from_slice(&coming[..len]);
+        // So that a reference hangs on the place alone, not on those before.
+        self.reference.preview[len..].fill(Waypoint::ZERO);
     }
 
     /// The rule of [`Acceptance`]. The last waypoint leads nowhere, so it has no bisector.
@@ -142,9 +224,7 @@ impl Block for WaypointSelector {
                 if next < self.waypoints.len() {
                     self.point_at(next);
                 } else {
-                    // The segment stays for those who report the distance to it.
-                    self.reference.state = ReferenceState::Arrived.code();
-                    self.reference.speed_mps = 0.0;
+                    self.arrive();
                 }
             }
         }
@@ -152,6 +232,20 @@ impl Block for WaypointSelector {
     }
 }
 
+impl Stateful for WaypointSelector {
+    /// Everything but the waypoints.
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        let mut progress = self.progress();
+        words.option(&mut progress, Progress::BLANK, Progress::visit_state);
+        if words.is_loading() {
+            self.awaited = progress;
+            self.reference = Reference::ZERO;
+        }
+    }
+}
+
+#[cfg(test)]
+mod state_tests;
 #[cfg(test)]
 mod tests {
     use super::*;
