@@ -49,6 +49,10 @@ impl SelectorProcess {
     fn take_path(&mut self) -> bool {
         let (waiting, points, report) = (&mut self.waiting, &mut self.waiting_points, &mut self.report);
         let took = self.path.next(|header, waypoints| {
+            // A successor of the planner repeats the path that is under way.
+            if header.path_id == report.path_id {
+                return;
+            }
             *waiting = Some(*header);
             points.clear();
             points.extend_from_slice(waypoints);
@@ -70,7 +74,7 @@ impl Reactive for SelectorProcess {
                 continue;
             }
             // A successor says nothing before it has the path again: to stand still would be an order.
-            if self.selector.awaits_path() && self.waiting.is_none() {
+            if self.selector.awaits_path().is_some() && self.waiting.is_none() {
                 continue;
             }
             let header = self.waiting.take();
