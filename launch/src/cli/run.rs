@@ -94,6 +94,9 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
 /// A scenario to its end, with a report.
 pub fn run(args: &RunArgs) -> VerbResult {
     let scenario = resolve(args)?;
+    if args.clock == ClockKind::InProcess && !scenario.system.controller.exec.is_empty() {
+        return Err(refused("controller.exec: an executable is a process; --clock real or lockstep"));
+    }
     let map = scenario.system.load_map().map_err(refused)?;
     let waypoints = path_of(&scenario, map.as_ref())?;
     let out = open_out_dir(args, &scenario)?;

@@ -154,7 +154,11 @@ impl Member {
                     .map_or(HealthState::Running.label(), HealthState::label),
             },
         };
-        let state = if self.duty == Duty::Trial { "trial" } else { state };
+        let state = match self.duty {
+            Duty::Trial => "trial",
+            Duty::Retiring => "leaving",
+            _ => state,
+        };
         let text = self.health.map_or(String::new(), |health| field_text(&health.text).to_owned());
         ProcessStatus {
             name: self.role.name().to_owned(),

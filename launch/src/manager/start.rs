@@ -187,7 +187,7 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
 }
 
 /// The system's workers, readers before the writers that wake them, the clock last; and places for the
-/// standby and for a controller on trial.
+/// standby, for a controller on trial, and for one that is leaving meanwhile.
 pub(super) fn members(job: &Job) -> Vec<Member> {
     let controller = &job.system.controller;
     let roles = wires::start_order().into_iter().filter(|role| *role != Role::Recorder || job.record);
@@ -197,7 +197,7 @@ pub(super) fn members(job: &Job) -> Vec<Member> {
     let standby = controller.standby();
     let duty = if standby.is_some() { Duty::Standby } else { Duty::Vacant };
     members.push(Member::new(Role::Controller, duty, standby));
-    members.push(Member::new(Role::Controller, Duty::Vacant, None));
+    members.extend([0; 2].map(|_| Member::new(Role::Controller, Duty::Vacant, None)));
     members
 }
 

@@ -94,7 +94,13 @@ impl Manager {
         let mut keys = driver.map(Driver::keys).unwrap_or_default();
         keys.extend_from_slice(set);
         let mut system = self.job.system.clone();
-        system.set_all(&keys).map_err(|error| error.to_string())?;
+        system.set_all(&keys).map_err(|error| {
+            let error = error.to_string();
+            // An assignment we made of the law is nothing the user has written.
+            let ours = keys.iter().filter(|key| !set.contains(key));
+            let what = ours.into_iter().find_map(|key| error.strip_prefix(&format!("--set {key}: ")));
+            what.unwrap_or(&error).to_owned()
+        })?;
         Ok((*role, system))
     }
 
@@ -112,9 +118,8 @@ impl Manager {
                 .send(Response::done(format!("{} is in charge, the other one stands by", driver.name())));
             return Ok(());
         }
-        let slot = self
-            .controller(Duty::Vacant)
-            .ok_or("the controller swapped out last has not left yet; try again")?;
+        let slot =
+            self.controller(Duty::Vacant).ok_or("controllers swapped out have not left yet; try again")?;
         self.write_system(TRIAL_FILE, &system)?;
         self.members[slot].duty = Duty::Trial;
         self.members[slot].driver = Some(driver);

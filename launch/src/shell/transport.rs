@@ -250,13 +250,13 @@ impl Domain {
 }
 
 fn max_publishers(wire: &Wire) -> usize {
-    // One a writer, and as many again for successors of those that died unannounced; a controller's
-    // place is taken by up to four at once: in charge, standby, on trial, leaving.
-    2 * wire.from.len() + 6
+    // One a writer, and as many again for successors of those that died unannounced; controllers there
+    // are up to four at once: in charge, standby, on trial, leaving.
+    2 * wire.from.len() + 8
 }
 
 fn max_subscribers(wire: &Wire) -> usize {
-    wire.to.len() + 6
+    wire.to.len() + 8
 }
 
 /// Name of a wire's service.

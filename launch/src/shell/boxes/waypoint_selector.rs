@@ -65,6 +65,10 @@ impl SelectorProcess {
 impl Reactive for SelectorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = self.take_path();
+        if self.selector.awaits_path().is_some() && self.waiting.is_none() {
+            // It has the path, and sleeps.
+            worker.page.members(Role::Planner).for_each(|slot| worker.page.ring_slot(slot));
+        }
         let mut chosen = false;
         while let Some(pose) = self.pose.next() {
             worked = true;
