@@ -19,7 +19,7 @@ use rustix::process::Signal;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
-/// What may be changed of a box alone: keys that no other box reads.
+/// What may be changed of a box alone: keys, and sections (with a dot), that no other box reads.
 const OWN_KEYS: [(Role, &[&str]); 3] = [
     (Role::Controller, &["controller."]),
     (Role::Planner, &["planner."]),
@@ -84,8 +84,11 @@ impl Manager {
                 return Err(format!("{} has no laws to choose from; drop {name:?}", role.name()));
             }
         }
-        if let Some(foreign) = set.iter().find(|key| !own.iter().any(|own| key.starts_with(own))) {
-            let key = foreign.split('=').next().unwrap_or_default();
+        let key_of =
+            |assignment: &'_ String| assignment.split('=').next().unwrap_or_default().trim().to_owned();
+        let is_own =
+            |key: &String| own.iter().any(|own| key == own || (own.ends_with('.') && key.starts_with(own)));
+        if let Some(key) = set.iter().map(key_of).find(|key| !is_own(key)) {
             return Err(format!(
                 "--set {key}: not a key of {} alone; change it with hilare down, then up",
                 role.name()
@@ -272,7 +275,8 @@ impl Manager {
 
     /// A box that is being replaced has ended: true if that was wanted.
     pub(super) fn replaced(&mut self, slot: usize, how: &str) -> bool {
-        let Some(swap) = self.swap.as_mut().filter(|swap| swap.slot == slot) else { return false };
+        let is_box = self.members[slot].role != Role::Controller;
+        let Some(swap) = self.swap.as_mut().filter(|swap| is_box && swap.slot == slot) else { return false };
         if std::mem::replace(&mut swap.started, true) {
             self.end_replacement(Some(how));
         } else if let Err(why) = self.spawn(slot) {

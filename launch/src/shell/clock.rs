@@ -164,6 +164,8 @@ impl ClockProcess {
             let seen = worker.page.bell(slot);
             self.take_in(0);
             if self.generator.awaits_command(self.tick) {
+                // A successor among the readers may lack the steps that lead to it.
+                self.steps.connect();
                 worker.page.ring(&wires::STEPS);
                 worker.page.wait(slot, seen, MAX_WAIT);
             } else if readers_behind(&worker.page, self.tick) {

@@ -88,6 +88,8 @@ impl Reactive for RecorderProcess {
     }
 
     fn finish(&mut self) -> Result<(), String> {
+        let record = &mut self.record;
+        self.assembler.finish(|tick| record.push(tick));
         std::fs::write(&self.trace_file, self.record.trace.to_csv())
             .map_err(|error| format!("{}: {error}", self.trace_file.display()))?;
         let handover = Handover { figures: self.record.statistics.figures(), gaps: self.assembler.gaps() };

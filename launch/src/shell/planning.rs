@@ -109,8 +109,6 @@ impl Reactive for PlannerProcess {
         {
             worker.page.ring(&wires::PATH);
         }
-        // A selector that has come since gets the path under way.
-        self.path.connect();
         if let Some(pose) = self.pose.last() {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;

@@ -293,6 +293,9 @@ impl Worker {
             self.page.set_progress(slot, hosted.report().tick);
             self.heartbeat(now, || hosted.report());
             if !worked {
+                // Who has come since gets what it missed now, not with the next message: it may be what that
+                // one waits for.
+                hosted.connect();
                 self.page.wait(slot, seen, hosted.poll_interval());
             }
         }

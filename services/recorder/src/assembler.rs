@@ -48,7 +48,16 @@ impl Assembler {
     }
 
     /// Hands every complete tick to `deliver`, in order.
-    pub fn drain(&mut self, mut deliver: impl FnMut(TickRecord<'_>)) {
+    pub fn drain(&mut self, deliver: impl FnMut(TickRecord<'_>)) {
+        self.deliver(false, deliver);
+    }
+
+    /// The same at the end, when no message will come any more.
+    pub fn finish(&mut self, deliver: impl FnMut(TickRecord<'_>)) {
+        self.deliver(true, deliver);
+    }
+
+    fn deliver(&mut self, over: bool, mut deliver: impl FnMut(TickRecord<'_>)) {
         loop {
             let tick = self.next_tick;
             // The reference in force during tick n was chosen on the pose before it.
@@ -62,8 +71,13 @@ impl Assembler {
             while self.truths.front().is_some_and(|m| m.tick < tick) {
                 self.truths.pop_front();
             }
-            while self.references.front().is_some_and(|m| m.tick < chosen_at) {
+            // While its box is away, the reference before stays in force.
+            while self.references.get(1).is_some_and(|m| m.tick <= chosen_at) {
                 self.references.pop_front();
+            }
+            let settled = |m: &Reference| m.tick == chosen_at || over || self.references.len() > 1;
+            if !self.references.front().is_some_and(settled) {
+                return;
             }
             let (Some(steps), Some(pose), Some(truth), Some(reference)) =
                 (self.steps.front(), self.poses.front(), self.truths.front(), self.references.front())
@@ -71,7 +85,7 @@ impl Assembler {
                 return;
             };
             let complete =
-                steps.tick == tick && pose.tick == tick && truth.tick == tick && reference.tick == chosen_at;
+                steps.tick == tick && pose.tick == tick && truth.tick == tick && reference.tick <= chosen_at;
             if complete {
                 deliver(TickRecord { steps, pose, truth, reference });
             } else {
@@ -137,5 +151,24 @@ mod tests {
         assembler.truths.extend(late);
         assembler.drain(|_| seen += 1);
         assert_eq!((seen, assembler.gaps()), (4, 0));
+    }
+
+    #[test]
+    fn while_the_selector_is_away_the_reference_before_stays_in_force() {
+        let mut assembler = Assembler::new(5);
+        let mut seen = Vec::new();
+        for tick in 0..=22 {
+            push(&mut assembler, tick);
+            // None for 5 and 10, none at the end.
+            if [0, 15].contains(&tick) {
+                assembler.references.push_back(Reference { tick, ..Reference::ZERO });
+            }
+            assembler.drain(|record| seen.push(record.reference.tick));
+            let done = [0, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 15, 16, 17, 18, 19, 20, 20, 20];
+            assert_eq!(assembler.done(), done[tick as usize], "after tick {tick}");
+        }
+        assembler.finish(|record| seen.push(record.reference.tick));
+        let expected: Vec<_> = (1..=22).map(|n| if n <= 15 { 0 } else { 15 }).collect();
+        assert_eq!((seen, assembler.gaps()), (expected, 0));
     }
 }

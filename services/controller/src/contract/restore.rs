@@ -187,9 +187,7 @@ fn the_state_has_room_whatever_the_period_and_the_lag() {
             period_ticks: 1,
             values: &[],
         };
-        let sample = [("sample_period_s", 0.1)];
-        let values = if case.spec.name == "finite-step" { &sample[..] } else { &[] };
-        let law = (case.spec.build)(&LawSetup { values, ..setup }).expect("builds");
+        let law = (case.spec.build)(&setup).expect("builds");
         let slow = PredictionParams { predict: true, drive_lag_s: 0.5 };
         let identity = Identity { source: 1, epoch: 1 };
         let mut controller = Controller::new(law, identity, 1, Prediction::new(slow, &setup));
