@@ -118,14 +118,14 @@ fn in_lockstep_time_waits_for_a_lone_successor_and_the_bits_are_the_same() {
     for law in ["kanayama", "qp", "navigation-circle"] {
         let robot = lab.robot_named(law);
         // Long enough to be hit several times, at any speed of the machine.
-        let path = lab.straight(20.0);
+        let path = lab.straight(5.0);
         let path = path.to_string_lossy();
         let job = ["run", "--path", &path, "--controller", law, "--json"];
         let set = ["--set", "supervision.restart_budget=10000"];
         let one_thread = lab.hilare(&[&job[..], &["--clock", "in-process"]].concat()).expect_code(0);
         let mut run = lab.start(&[&job[..], &set, &["--clock", "lockstep", "--robot", &robot]].concat());
         let mut killed = 0;
-        while run.lives() && killed < 5 {
+        while run.lives() && killed < 3 {
             let Some(status) = lab.status(&robot) else { continue };
             if number(&status, "tick") > 0.0 {
                 support::process::signal(support::pid_of(&status, "controller"), Signal::KILL);

@@ -4,6 +4,7 @@
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
 //! * [`report`]: what a run came to.
+//! * [`systemd`]: units that start a robot at boot.
 //! * [`cli`]: the `hilare` command.
 
 pub mod cli;
@@ -12,3 +13,4 @@ pub mod logging;
 pub mod manager;
 pub mod report;
 pub mod shell;
+pub mod systemd;

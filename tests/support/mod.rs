@@ -8,8 +8,10 @@
 // Every test file uses its own part.
 #![allow(dead_code)]
 
+pub mod machine;
 pub mod process;
 pub mod random;
+pub mod units;
 
 pub use process::{Ended, Running};
 

@@ -88,29 +88,28 @@ fn realtime_priority() -> Finding {
             "rtprio",
             Verdict::Warning,
             format!("SCHED_FIFO 80 is refused ({error}): the real clock runs best effort"),
-            "ulimit -r 99 (LimitRTPRIO=99 in a unit, rtprio 99 in /etc/security/limits.conf), or CAP_SYS_NICE; \
-             in a cgroup with cpu.rt_runtime_us 0, give it some",
+            "ulimit -r 99 (LimitRTPRIO=99 in a unit, rtprio 99 in /etc/security/limits.conf; docker: --ulimit rtprio=99), \
+             or CAP_SYS_NICE; in a cgroup with cpu.rt_runtime_us 0, give it some",
         ),
         Err(_) => finding("rtprio", Verdict::Bad, "the check itself failed", "report it"),
     }
 }
 
 fn memory_lock() -> Finding {
-    let limit = getrlimit(Resource::Memlock).current;
-    let root = rustix::process::geteuid().is_root();
-    match limit {
-        _ if root => finding("memlock", Verdict::Good, "root may lock all memory", ""),
-        None => finding("memlock", Verdict::Good, "unlimited", ""),
-        Some(bytes) if bytes >= 64 << 20 => {
-            finding("memlock", Verdict::Good, format!("{} MB", bytes >> 20), "")
-        }
-        Some(bytes) => finding(
-            "memlock",
-            Verdict::Warning,
-            format!("{} kB: pages of the control path may be swapped or faulted in late", bytes >> 10),
-            "ulimit -l unlimited (LimitMEMLOCK=infinity, memlock unlimited in /etc/security/limits.conf)",
-        ),
+    let limit = getrlimit(Resource::Memlock).current.unwrap_or(u64::MAX);
+    if crate::shell::realtime::may_lock_everything() {
+        return finding("memlock", Verdict::Good, "all memory can be locked", "");
     }
+    if limit >= 64 << 20 {
+        return finding("memlock", Verdict::Good, format!("{} MB", limit >> 20), "");
+    }
+    finding(
+        "memlock",
+        Verdict::Warning,
+        format!("{} kB: pages of the control path may be swapped or faulted in late", limit >> 10),
+        "ulimit -l unlimited (LimitMEMLOCK=infinity, memlock unlimited in /etc/security/limits.conf; \
+         docker: --ulimit memlock=-1)",
+    )
 }
 
 fn throttling() -> Finding {
@@ -156,7 +155,7 @@ fn cores() -> Finding {
         "cores",
         verdict,
         format!("{cores} usable"),
-        "give the robot two: one for the control path, one for the rest",
+        "give the robot two: one for the control path, one for the rest (docker: --cpuset-cpus=2,3)",
     )
 }
 

@@ -13,6 +13,7 @@ mod operate;
 mod plan;
 mod run;
 mod service;
+mod systemd;
 mod up;
 
 use crate::manager::Failure;
@@ -117,6 +118,12 @@ enum Verb {
         after_help = "Example: hilare doctor\nExit codes: 0 nothing stands in the way, 1 something does, 2 wrong use."
     )]
     Doctor(doctor::DoctorArgs),
+    /// Write units that start a robot at boot, watch it and fence it in
+    #[command(
+        after_help = "Examples:\n  hilare systemd epuck\n  hilare systemd my_robot.toml --run-as robot --out units\n  \
+        hilare systemd epuck --split --out units && systemd-analyze verify units/*\nExit codes: 0 done, 2 wrong use or bad input."
+    )]
+    Systemd(systemd::SystemdArgs),
     /// Print a completion script for a shell
     #[command(
         after_help = "Example: hilare completions bash > ~/.local/share/bash-completion/completions/hilare"
@@ -155,6 +162,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
+        Some(Verb::Systemd(args)) => systemd::systemd(&args),
         Some(Verb::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "hilare", &mut script);

@@ -315,6 +315,7 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
         clock: args.clock,
         task: Some(scenario.task.clone()),
         record: true,
+        workers: crate::manager::join::Workers::Own,
     };
     let bar = progress_bar(args, scenario, drive.waypoints.len());
     log.around(Some(bar.clone()));

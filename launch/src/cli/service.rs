@@ -4,6 +4,7 @@ use super::{VerbResult, refused};
 use crate::config::System;
 use crate::logging;
 use crate::manager::Failure;
+use crate::manager::join::{Watch, find_place};
 use crate::shell::ClockKind;
 use crate::shell::boxes::{ControllerProcess, EstimatorProcess, PlantProcess, SelectorProcess};
 use crate::shell::clock::ClockProcess;
@@ -15,16 +16,29 @@ use crate::shell::transport::CONFIG_FILE;
 use crate::shell::worker::{Assignment, Worker, die_with_launch};
 use clap::Args;
 use hilare_interfaces::wires::Role;
+use std::os::fd::AsRawFd;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use tracing::error;
 
-/// What launch tells a worker.
+const GONE: &str = "launch is gone";
+
+/// Which worker it is, and what it is part of.
 #[derive(Args)]
 pub struct ServiceArgs {
     /// Name of the box.
     role: String,
+    /// Join this robot, whose launch awaits its workers (hilare up --workers joined).
+    #[arg(long, value_name = "ROBOT", conflicts_with = "Told")]
+    join: Option<String>,
+    #[command(flatten)]
+    told: Option<Told>,
+}
+
+/// What launch tells a worker.
+#[derive(Args)]
+struct Told {
     #[arg(long)]
     runtime_dir: PathBuf,
     #[arg(long)]
@@ -47,6 +61,9 @@ pub struct ServiceArgs {
     /// A program that drives instead.
     #[arg(long)]
     exec: Option<PathBuf>,
+    /// Set on a worker that launch has not started.
+    #[arg(long)]
+    joined: bool,
 }
 
 /// Hosts one box until the end.
@@ -54,21 +71,30 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
     let role = Role::from_name(&args.role).filter(|role| *role != Role::Launch).ok_or_else(|| {
         refused(format!("there is no service {:?}; services are started by hilare up or run", args.role))
     })?;
+    let told = match (&args.join, &args.told) {
+        (Some(robot), _) => return Err(become_worker(role, robot)),
+        (None, Some(told)) => told,
+        (None, None) => {
+            return Err(refused("workers are started by hilare up or run; to join one: --join ROBOT"));
+        }
+    };
     logging::init_worker(role.name());
     let assignment = Assignment {
         role,
-        slot: args.slot,
-        runtime_dir: args.runtime_dir.clone(),
-        clock: args.clock,
-        launch_pid: args.launch_pid,
-        system_file: args.system.clone(),
-        cpu: args.cpu,
-        law: args.law.clone(),
-        epoch: args.epoch,
-        incarnation: args.incarnation,
+        slot: told.slot,
+        runtime_dir: told.runtime_dir.clone(),
+        clock: told.clock,
+        launch_pid: told.launch_pid,
+        joined: told.joined,
+        system_file: told.system.clone(),
+        cpu: told.cpu,
+        law: told.law.clone(),
+        epoch: told.epoch,
+        incarnation: told.incarnation,
     };
-    let ended = match &args.exec {
+    let ended = match &told.exec {
         Some(program) => Err(become_program(program, &assignment)),
+        None if told.joined => host_joined(assignment),
         None => host(assignment),
     };
     match ended {
@@ -78,6 +104,32 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
             Err(Failure::Fault(why))
         }
     }
+}
+
+/// Becomes the process that launch would have started, with the place launch gives it. Returns only if
+/// that fails.
+fn become_worker(role: Role, robot: &str) -> Failure {
+    let place = match find_place(robot, role) {
+        Ok(place) => place,
+        Err(failure) => return failure,
+    };
+    let fault = |error: std::io::Error| Failure::Fault(format!("cannot become {}: {error}", role.name()));
+    match std::env::current_exe() {
+        Ok(program) => {
+            let mut command = Command::new(program);
+            command.arg("service").arg(role.name()).args(&place.arguments).arg("--joined");
+            fault(command.env(PAGE_FD, place.page.as_raw_fd().to_string()).exec())
+        }
+        Err(error) => fault(error),
+    }
+}
+
+/// Hosts a box whose process launch has not started. That launch is gone is an error: whoever started it
+/// is to start it again.
+fn host_joined(assignment: Assignment) -> Result<(), String> {
+    let launch = Watch::over(assignment.launch_pid).map_err(|_| GONE)?;
+    host(assignment)?;
+    if launch.is_gone() { Err(GONE.to_owned()) } else { Ok(()) }
 }
 
 /// Becomes a controller that is not ours, with what it has to know in its environment. Returns only if

@@ -5,6 +5,7 @@ use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
 use crate::manager::control::{Request, ask};
+use crate::manager::join::Workers;
 use crate::manager::robot_dir::{log_path, socket_path};
 use crate::manager::{Claim, Failure, Job, Manager};
 use crate::shell::ClockKind;
@@ -39,6 +40,10 @@ pub struct UpArgs {
     /// directory's ROBOT.log, kept if the robot ends with a fault]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Who starts the workers: launch itself, or somebody else (then each joins: hilare service ROLE --join
+    /// ROBOT)
+    #[arg(long, value_enum, default_value_t, value_name = "WHO")]
+    workers: Workers,
     /// Return once the robot is up; end it with hilare down
     #[arg(long, short)]
     detach: bool,
@@ -66,7 +71,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
     let file = args.log.clone().or_else(|| args.background.then(|| log_path(&system.robot)));
     let arm = system.supervision.arm_on_start;
     let robot = system.robot.clone();
-    let job = Job { system, clock: ClockKind::Real, task: None, record: false };
+    let job = Job { system, clock: ClockKind::Real, task: None, record: false, workers: args.workers };
     let claim = Claim::new(&robot)?;
     // Only now: the log of a robot that holds the name already is not ours.
     if let Some(file) = &file {
@@ -110,6 +115,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
             command.arg(format!("{flag}={value}"));
         }
     }
+    command.arg("--workers").arg(args.workers.name());
     command.arg("--background");
     if let Some(file) = &args.log {
         command.arg("--log").arg(file);

@@ -15,7 +15,7 @@ use std::time::Instant;
 impl Manager {
     pub(super) fn answer(&mut self, call: Call) {
         let response = match call.request {
-            Request::Status => Response { ok: true, message: String::new(), status: Some(self.status()) },
+            Request::Status => Response { status: Some(self.status()), ..Response::done("") },
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),
                 Err(why) => Response::refused(why),
@@ -49,6 +49,7 @@ impl Manager {
                 self.down = true;
                 Response::done("going down")
             }
+            Request::Join(role) => self.join(&role, call.peer),
             Request::Swap { role, driver, set } => {
                 return self.begin_swap(&role, driver.as_deref(), &set, &call.reply);
             }

@@ -1,6 +1,7 @@
 //! Worker processes: started as this very binary, watched by pidfd, never orphaned.
 
 use super::Event;
+use super::join::Peer;
 use crate::logging::LogSink;
 use crate::shell::page::{PAGE_FD, SharedPage};
 use crate::shell::realtime::set_fifo;
@@ -11,11 +12,11 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use std::io::{self, BufRead, BufReader, Read, pipe};
 use std::os::fd::OwnedFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Stack of the small watching threads.
-const STACK: usize = 128 << 10;
+pub(super) const STACK: usize = 128 << 10;
 /// Priority of a thread that waits for a death: just above launch's loop, which it wakes.
 const WATCH_PRIORITY: u64 = super::LAUNCH_PRIORITY + 1;
 /// Longest line taken from a worker; more is cut.
@@ -111,7 +112,8 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
         if realtime {
             let _ = set_fifo(WATCH_PRIORITY, false);
         }
-        let how = describe(wait(&watched, child), kills_before);
+        wait(&watched);
+        let how = describe(child.wait().ok(), kills_before);
         let _ = events.send(Event::Died { slot, incarnation, how });
     })?;
     Ok(Running { pid, pidfd, last_words })
@@ -129,11 +131,32 @@ fn for_each_line(from: impl Read, mut act: impl FnMut(&str)) {
     }
 }
 
-/// Waits on the pidfd, then collects the child.
-fn wait(pidfd: &OwnedFd, mut child: Child) -> Option<ExitStatus> {
+/// Waits until a process is gone.
+pub(super) fn wait(pidfd: &OwnedFd) {
     let mut fds = [PollFd::new(pidfd, PollFlags::IN)];
     while poll(&mut fds, None) == Err(rustix::io::Errno::INTR) {}
-    child.wait().ok()
+}
+
+/// Takes on a worker that somebody else started. Its end comes as [`Event::Died`]; how it ended, only
+/// whoever started it can tell.
+pub(super) fn adopt(
+    peer: Peer,
+    slot: usize,
+    incarnation: u64,
+    realtime: bool,
+    events: &Sender<Event>,
+) -> io::Result<Running> {
+    let Peer { pid, pidfd } = peer;
+    let pidfd = Arc::new(pidfd);
+    let (events, watched) = (events.clone(), Arc::clone(&pidfd));
+    std::thread::Builder::new().stack_size(STACK).spawn(move || {
+        if realtime {
+            let _ = set_fifo(WATCH_PRIORITY, false);
+        }
+        wait(&watched);
+        let _ = events.send(Event::Died { slot, incarnation, how: "is gone".to_owned() });
+    })?;
+    Ok(Running { pid, pidfd, last_words: LastWords::default() })
 }
 
 /// Times the kernel has killed for want of memory since it was booted.

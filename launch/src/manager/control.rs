@@ -3,11 +3,14 @@
 //! One request a connection, one line of JSON each way, in a socket only the owner can open. The
 //! listener's threads only carry; launch's own loop answers.
 
+use super::join::{Peer, send_with};
 use crossbeam_channel::{Sender, bounded};
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Longest request: the longest path, as JSON.
@@ -33,6 +36,8 @@ pub enum Request {
     Reset,
     /// Stop and end.
     Down,
+    /// Be the box of this name; asked by a process that wants to become it.
+    Join(String),
     /// Put another controller in charge, or another instance of a box to work.
     Swap {
         /// The box.
@@ -65,17 +70,28 @@ pub struct Response {
     /// The status, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<super::status::Status>,
+    /// A worker's place, if that was asked for: the arguments of `hilare service`. The page comes with it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<Vec<String>>,
+    /// Not done now, but it is worth asking again.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub later: bool,
 }
 
 impl Response {
     /// Done.
     pub fn done(message: impl Into<String>) -> Self {
-        Self { ok: true, message: message.into(), status: None }
+        Self { ok: true, message: message.into(), status: None, place: None, later: false }
     }
 
     /// Not done, and why.
     pub fn refused(message: impl Into<String>) -> Self {
-        Self { ok: false, message: message.into(), status: None }
+        Self { ok: false, ..Self::done(message) }
+    }
+
+    /// Not done yet, and why.
+    pub fn later(message: impl Into<String>) -> Self {
+        Self { later: true, ..Self::refused(message) }
     }
 }
 
@@ -83,12 +99,15 @@ impl Response {
 pub struct Call {
     /// What is asked.
     pub request: Request,
+    /// Who asks, for a request to join.
+    pub peer: Option<Peer>,
     /// Where the answer goes; the caller may be gone.
     pub reply: Sender<Response>,
 }
 
-/// Listens on `path`, handing every request to `deliver`.
-pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> io::Result<()> {
+/// Listens on `path`, handing every request to `deliver`. Whoever gets a place gets `page` with it.
+pub fn listen(path: &Path, page: OwnedFd, deliver: impl Fn(Call) + Clone + Send + 'static) -> io::Result<()> {
+    let page = Arc::new(page);
     let listener = UnixListener::bind(path)?;
     std::fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
     let places = bounded::<()>(MAX_CONNECTIONS);
@@ -98,9 +117,9 @@ pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> i
             if places.0.try_send(()).is_err() {
                 continue;
             }
-            let (deliver, place) = (deliver.clone(), places.1.clone());
+            let (deliver, place, page) = (deliver.clone(), places.1.clone(), Arc::clone(&page));
             let serving = std::thread::Builder::new().stack_size(256 << 10).spawn(move || {
-                let _ = serve(&stream, deliver);
+                let _ = serve(&stream, &page, deliver);
                 let _ = place.try_recv();
             });
             if serving.is_err() {
@@ -111,7 +130,7 @@ pub fn listen(path: &Path, deliver: impl Fn(Call) + Clone + Send + 'static) -> i
     Ok(())
 }
 
-fn serve(stream: &UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
+fn serve(stream: &UnixStream, page: &OwnedFd, deliver: impl Fn(Call)) -> io::Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let mut line = String::new();
@@ -119,7 +138,9 @@ fn serve(stream: &UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
     let response = match serde_json::from_str(&line) {
         Ok(request) => {
             let (reply, answer) = bounded(1);
-            deliver(Call { request, reply });
+            let joins = matches!(request, Request::Join(_));
+            let peer = joins.then(|| Peer::of(stream).ok()).flatten();
+            deliver(Call { request, peer, reply });
             answer
                 .recv_timeout(PATIENCE)
                 .unwrap_or_else(|_| Response::refused("launch did not answer in time"))
@@ -129,16 +150,25 @@ fn serve(stream: &UnixStream, deliver: impl Fn(Call)) -> io::Result<()> {
     let mut text = serde_json::to_string(&response)?;
     text.push('\n');
     let mut stream = stream;
-    stream.write_all(text.as_bytes())
+    match response.place {
+        Some(_) => send_with(stream, text.as_bytes(), page),
+        None => stream.write_all(text.as_bytes()),
+    }
 }
 
-/// Sends one request to the launch of a robot and waits for the answer.
-pub fn ask(socket: &Path, request: &Request) -> io::Result<Response> {
+/// Sends one request to the launch of a robot.
+pub(super) fn send(socket: &Path, request: &Request) -> io::Result<UnixStream> {
     let mut stream = UnixStream::connect(socket)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     let mut text = serde_json::to_string(request)?;
     text.push('\n');
     stream.write_all(text.as_bytes())?;
+    Ok(stream)
+}
+
+/// Sends one request to the launch of a robot and waits for the answer.
+pub fn ask(socket: &Path, request: &Request) -> io::Result<Response> {
+    let stream = send(socket, request)?;
     let mut line = String::new();
     BufReader::new(stream).read_line(&mut line)?;
     Ok(serde_json::from_str(&line)?)

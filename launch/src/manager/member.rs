@@ -39,6 +39,10 @@ pub(super) struct Member {
     /// What drives, if it is a controller.
     pub driver: Option<Driver>,
     pub running: Option<Running>,
+    /// It is started by somebody else, and joins.
+    pub joined: bool,
+    /// What whoever joins in this place is to be told; none while nobody is awaited.
+    pub invitation: Option<Vec<String>>,
     pub incarnation: u64,
     pub epoch: u64,
     pub health: Option<Health>,
@@ -67,6 +71,8 @@ impl Member {
             duty,
             driver,
             running: None,
+            joined: false,
+            invitation: None,
             incarnation: 0,
             epoch: 0,
             health: None,
@@ -140,6 +146,7 @@ impl Member {
     /// As it is shown; `warm` if it stands by and has commands in time.
     pub(super) fn status(&self, page_state: SlotState, warm: bool) -> ProcessStatus {
         let state = match (&self.running, page_state) {
+            (None, _) if self.invitation.is_some() => "awaited",
             (None, _) => "dead",
             // A program that is not ours says nothing of its state: its commands are looked at.
             (_, SlotState::Empty) if self.is_foreign() && self.duty == Duty::Standby && warm => "standby",

@@ -5,6 +5,8 @@
 
 pub mod children;
 pub mod control;
+pub mod join;
+pub mod notify;
 pub mod robot_dir;
 pub mod status;
 
@@ -30,6 +32,7 @@ use hilare_interfaces::messages::{
     Answer, Authority, GoalHeader, Health, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
 };
 use hilare_interfaces::wires::{self, Role};
+use join::Workers;
 use member::Member;
 use robot_dir::RobotDir;
 use std::collections::VecDeque;
@@ -46,7 +49,7 @@ const REST_PATIENCE: Duration = Duration::from_millis(500);
 const LEAVE_PATIENCE: Duration = Duration::from_secs(2);
 /// Priority of launch's own loop: above ordinary work, so that load does not cost the lease, below
 /// everything on the tick.
-const LAUNCH_PRIORITY: u64 = 10;
+pub const LAUNCH_PRIORITY: u64 = 10;
 
 /// What wakes the loop.
 pub enum Event {
@@ -82,6 +85,8 @@ pub struct Job {
     pub task: Option<Task>,
     /// Whether to keep figures and a trace.
     pub record: bool,
+    /// Who starts the workers.
+    pub workers: Workers,
 }
 
 /// A robot that is ours, before anything of it runs.
@@ -159,6 +164,7 @@ pub struct Manager {
     swaps: u64,
     /// Why the robot has to be armed again, if so.
     halted: Option<String>,
+    notify: notify::Notify,
     dir: RobotDir,
 }
 
@@ -201,7 +207,7 @@ impl Manager {
         let services = domain.create_services().map_err(|e| refused(&e))?;
         let ports = Ports::open(&domain).map_err(|e| refused(&e))?;
         let page = SharedPage::create().map_err(|e| Failure::Fault(format!("memfd: {e}")))?;
-        start::listen(dir.path(), &sender)?;
+        start::listen(dir.path(), &page, &sender)?;
         let mut manager = Self {
             ports,
             _services: services,
@@ -227,6 +233,7 @@ impl Manager {
             swap: None,
             swaps: 0,
             halted: None,
+            notify: notify::Notify::from_environment(),
             dir,
         };
         if robot_dir::estop_latch(&manager.job.system.robot).exists() {
@@ -244,6 +251,7 @@ impl Manager {
     /// Renews the lease, takes in what arrived, for at most `patience` if nothing does.
     pub fn step(&mut self, patience: Duration) {
         let now = Instant::now();
+        self.tell_service_manager(now);
         if now >= self.lease_due {
             self.lease_due = now + LEASE;
             self.send_authority();

@@ -1,19 +1,21 @@
 //! From a claimed robot to workers that are all connected.
 
-use super::children::{self, Start};
+use super::children::{self, Running, Start};
 use super::control;
+use super::join::Workers;
 use super::member::{Duty, Member};
 use super::robot_dir::SOCKET;
 use super::{Event, Failure, Job, LAUNCH_PRIORITY, Manager, START_PATIENCE};
 use crate::config::{Driver, Task};
 use crate::shell::ClockKind;
-use crate::shell::page::{Phase, SlotState};
+use crate::shell::page::{Phase, SharedPage, SlotState};
 use crate::shell::realtime;
 use crate::shell::transport::write_config;
 use crossbeam_channel::{Sender, bounded};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{GoalHeader, GoalKind, Waypoint};
 use hilare_interfaces::wires::{self, Role};
+use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
@@ -79,6 +81,10 @@ impl Manager {
             }
             None => {}
         }
+        if member.joined {
+            member.invitation = Some(arguments);
+            return Ok(());
+        }
         let start = Start {
             role: member.role,
             slot,
@@ -89,13 +95,19 @@ impl Manager {
         };
         let running = children::start(&start, &self.sender, &self.log)
             .map_err(|error| format!("cannot start {}: {error}", member.role.name()))?;
+        self.began(slot, running);
+        Ok(())
+    }
+
+    /// A process was started, or has joined, in this place.
+    pub(super) fn began(&mut self, slot: usize, running: Running) {
+        let member = &mut self.members[slot];
         member.began(running);
         if member.duty == Duty::Work && member.role == Role::Controller {
             // Another process, even if in the same place.
             self.authority.term += 1;
         }
         self.send_authority();
-        Ok(())
     }
 
     /// Waits until every worker has come as far as `state`, or one of them failed.
@@ -120,7 +132,8 @@ impl Manager {
             }
             if Instant::now() > deadline {
                 let name = self.members[missing].role.name();
-                return Err(Failure::Fault(format!("{name} did not start within {START_PATIENCE:?}")));
+                let start = if self.members[missing].invitation.is_some() { "join" } else { "start" };
+                return Err(Failure::Fault(format!("{name} did not {start} within {START_PATIENCE:?}")));
             }
         }
     }
@@ -198,20 +211,28 @@ pub(super) fn members(job: &Job) -> Vec<Member> {
     let duty = if standby.is_some() { Duty::Standby } else { Duty::Vacant };
     members.push(Member::new(Role::Controller, duty, standby));
     members.extend([0; 2].map(|_| Member::new(Role::Controller, Duty::Vacant, None)));
+    if job.workers == Workers::Joined {
+        // A program that is not ours knows no place to ask for: launch starts it.
+        members
+            .iter_mut()
+            .for_each(|member| member.joined = member.duty != Duty::Vacant && !member.is_foreign());
+    }
     members
 }
 
-pub(super) fn listen(dir: &Path, sender: &Sender<Event>) -> Result<(), Failure> {
+pub(super) fn listen(dir: &Path, page: &SharedPage, sender: &Sender<Event>) -> Result<(), Failure> {
+    let failed = |error: io::Error| Failure::Fault(format!("control socket: {error}"));
     let calls = sender.clone();
-    control::listen(&dir.join(SOCKET), move |call| {
+    let page = page.descriptor().map_err(failed)?;
+    control::listen(&dir.join(SOCKET), page, move |call| {
         let _ = calls.send(Event::Call(call));
     })
-    .map_err(|error| Failure::Fault(format!("control socket: {error}")))
+    .map_err(failed)
 }
 
 /// Signals that end a launch come as events.
 pub(super) fn catch_signals(sender: &Sender<Event>) -> Result<(), Failure> {
-    let fault = |error: std::io::Error| Failure::Fault(format!("signals: {error}"));
+    let fault = |error: io::Error| Failure::Fault(format!("signals: {error}"));
     let interrupts = sender.clone();
     let mut signals =
         signal_hook::iterator::Signals::new([libc::SIGINT, libc::SIGTERM, libc::SIGHUP]).map_err(&fault)?;

@@ -53,7 +53,7 @@ pub struct ProcessStatus {
     pub law: Option<String>,
     /// Its process id; 0 if it is not running.
     pub pid: u32,
-    /// starting, ready, running, standby, trial, leaving, degraded, dead.
+    /// starting, ready, running, standby, trial, leaving, degraded, dead; awaited: it has not joined yet.
     pub state: String,
     /// Why, where there is more to say.
     pub reason: String,

@@ -81,6 +81,8 @@ impl Manager {
         (member.duty, member.driver, member.health) = (Duty::Vacant, None, None);
         member.missed_since_ns = None;
         member.respawn_at = None;
+        // Whoever is put here next is launch's own.
+        (member.joined, member.invitation) = (false, None);
     }
 
     /// Starts a worker again, within the budget.
@@ -93,7 +95,8 @@ impl Manager {
         match self.members[slot].next_start(now, budget, window) {
             Some(wait) => {
                 self.members[slot].respawn_at = Some(now + wait);
-                warn!("{name} {how}: starting it again");
+                let again = if self.members[slot].joined { "it is awaited" } else { "starting it again" };
+                warn!("{name} {how}: {again}");
                 self.respawn_due(now);
             }
             None => {

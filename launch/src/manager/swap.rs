@@ -266,6 +266,8 @@ impl Manager {
 
     /// The box in `slot` leaves and its successor starts as soon as it is gone.
     fn restart(&mut self, slot: usize) -> Result<(), String> {
+        // Whoever started it sees an end in good order and does not start another one.
+        (self.members[slot].joined, self.members[slot].invitation) = (false, None);
         match &self.members[slot].running {
             Some(running) => running.signal(Signal::TERM),
             None => self.spawn(slot)?,

@@ -233,6 +233,11 @@ impl SharedPage {
         self.fd.as_ref().map_or(-1, AsRawFd::as_raw_fd).to_string()
     }
 
+    /// Launch: the page, to be passed on to a worker that is not its child.
+    pub fn descriptor(&self) -> io::Result<OwnedFd> {
+        self.fd.as_ref().ok_or(io::ErrorKind::NotFound)?.try_clone()
+    }
+
     /// A worker: the page launch passed on.
     pub fn inherit() -> io::Result<Self> {
         let wrong = |why: &str| {

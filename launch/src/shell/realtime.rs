@@ -7,7 +7,7 @@
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Pid, Resource, getrlimit};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_getaffinity, sched_setaffinity};
 use std::io;
 
 /// What is asked for.
@@ -60,9 +60,7 @@ pub struct Granted {
 pub fn apply(request: Request) {
     if request.lock_memory {
         // Without room for everything to come, MCL_FUTURE would make later mappings fail.
-        let unlimited = getrlimit(Resource::Memlock).current.is_none();
-        let root = rustix::process::geteuid().is_root();
-        let future = if unlimited || root { MlockAllFlags::FUTURE } else { MlockAllFlags::empty() };
+        let future = if may_lock_everything() { MlockAllFlags::FUTURE } else { MlockAllFlags::empty() };
         let _ = mlockall(MlockAllFlags::CURRENT | future);
     }
     if let Some(cpu) = chosen_cpu(request.cpu) {
@@ -73,6 +71,13 @@ pub fn apply(request: Request) {
     if request.priority > 0 {
         let _ = set_fifo(request.priority, false);
     }
+}
+
+/// True if no limit stands in the way of locked memory. Being root is not enough: in a container it may
+/// lack the capability.
+pub fn may_lock_everything() -> bool {
+    let able = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
+    able || getrlimit(Resource::Memlock).current.is_none()
 }
 
 /// Moves another process of this user to a processor; where that is not allowed it stays.

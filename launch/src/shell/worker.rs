@@ -41,6 +41,8 @@ pub struct Assignment {
     pub clock: ClockKind,
     /// Process id of launch, to notice that it died before we could ask for the signal.
     pub launch_pid: i32,
+    /// True if somebody else started it: then it is not the kernel that ends it with launch.
+    pub joined: bool,
     /// System file in the runtime directory.
     pub system_file: String,
     /// Processor, as a key of the system file.
@@ -123,13 +125,13 @@ pub trait Reactive {
     }
 }
 
-/// Who goes first when memory runs out: those the robot can do without. To be spared more than others
-/// takes a privilege; without it nothing changes.
-const fn memory_rank(role: Role) -> &'static str {
+/// Who goes first when memory runs out, as `oom_score_adj`: those the robot can do without. To be spared more
+/// than others takes a privilege; without it nothing changes.
+pub const fn memory_rank(role: Role) -> i32 {
     match role {
-        Role::Recorder => "600",
-        Role::Planner => "300",
-        _ => "-500",
+        Role::Recorder => 600,
+        Role::Planner => 300,
+        _ => -500,
     }
 }
 
@@ -145,7 +147,9 @@ pub fn die_with_launch(launch_pid: i32) -> Result<(), String> {
 impl Worker {
     /// Starts up to the point where the ports can be opened.
     pub fn start(assignment: Assignment) -> Result<Self, String> {
-        die_with_launch(assignment.launch_pid)?;
+        if !assignment.joined {
+            die_with_launch(assignment.launch_pid)?;
+        }
         let terminate = Arc::new(AtomicBool::new(false));
         signal_hook::flag::register(libc::SIGTERM, Arc::clone(&terminate)).map_err(|e| e.to_string())?;
         let page = SharedPage::inherit().map_err(|e| e.to_string())?;
@@ -156,7 +160,7 @@ impl Worker {
             let limit = Rlimit { current: Some(0), ..getrlimit(Resource::Core) };
             let _ = setrlimit(Resource::Core, limit);
         }
-        let _ = std::fs::write("/proc/self/oom_score_adj", memory_rank(assignment.role));
+        let _ = std::fs::write("/proc/self/oom_score_adj", memory_rank(assignment.role).to_string());
         let domain = Domain::join(&assignment.runtime_dir, assignment.role.name())?;
         let health = domain.output::<Health>(&wires::HEALTH)?;
         Ok(Self {

@@ -1,0 +1,89 @@
+//! What a robot's processes need not be able to do.
+//!
+//! A robot needs shared memory in /dev/shm, sockets in its runtime directory, real-time scheduling and locked
+//! memory, and nothing else of the machine: no network, no device, no other file system, no privilege.
+
+use super::unit::Unit;
+use std::path::Path;
+
+/// Directories that `ProtectHome=` hides.
+const HOMES: [&str; 3] = ["/home", "/root", "/run/user"];
+/// Directories that `PrivateTmp=` hides.
+const TEMPORARY: [&str; 2] = ["/tmp", "/var/tmp"];
+
+/// What works without privilege, in units of a user as well: filters of system calls.
+const FILTERS: [(&str, &str); 9] = [
+    ("NoNewPrivileges", "yes"),
+    ("RestrictAddressFamilies", "AF_UNIX"),
+    ("RestrictNamespaces", "yes"),
+    ("RestrictSUIDSGID", "yes"),
+    ("LockPersonality", "yes"),
+    ("MemoryDenyWriteExecute", "yes"),
+    ("SystemCallArchitectures", "native"),
+    ("SystemCallFilter", "@system-service"),
+    ("UMask", "0077"),
+];
+
+/// What only the system's service manager can do: name spaces, capabilities, device rules.
+const WALLS: [(&str, &str); 14] = [
+    ("CapabilityBoundingSet", ""),
+    ("ProtectSystem", "strict"),
+    ("PrivateDevices", "yes"),
+    ("PrivateNetwork", "yes"),
+    ("IPAddressDeny", "any"),
+    ("ProtectProc", "invisible"),
+    ("ProcSubset", "pid"),
+    ("ProtectClock", "yes"),
+    ("ProtectControlGroups", "yes"),
+    ("ProtectHostname", "yes"),
+    ("ProtectKernelLogs", "yes"),
+    ("ProtectKernelModules", "yes"),
+    ("ProtectKernelTunables", "yes"),
+    ("SystemCallFilter", "~@privileged @keyring"),
+];
+
+/// Writes the sandbox of a unit. `files` are those it must be able to read: program, system file, map.
+pub(super) fn write(unit: &mut Unit, user_unit: bool, files: &[&Path]) {
+    unit.why("The sandbox. Real-time scheduling and shared memory of the same user must stay possible.");
+    unit.set("RestrictRealtime", "no");
+    unit.set("RemoveIPC", "no");
+    for (key, value) in FILTERS {
+        unit.set(key, value);
+    }
+    if user_unit {
+        return;
+    }
+    for (key, value) in WALLS {
+        unit.set(key, value);
+    }
+    let below = |dirs: &[&str]| files.iter().any(|file| dirs.iter().any(|dir| file.starts_with(dir)));
+    // A home that holds the program or the system file stays in sight, to be read.
+    unit.set("ProtectHome", if below(&HOMES) { "read-only" } else { "yes" });
+    unit.set("PrivateTmp", if below(&TEMPORARY) { "no" } else { "yes" });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_robot_reads_stays_in_sight() {
+        let written = |user_unit, file: &str| {
+            let mut unit = Unit::new("x.service".to_owned());
+            write(&mut unit, user_unit, &[Path::new("/usr/bin/hilare"), Path::new(file)]);
+            unit.text
+        };
+        for (file, home, temporary) in [
+            ("epuck", "yes", "yes"),
+            ("/home", "read-only", "yes"),
+            ("/var/tmp/mule.toml", "yes", "no"),
+            ("/homes/mule.toml", "yes", "yes"),
+        ] {
+            let text = written(false, file);
+            assert!(text.contains(&format!("\nProtectHome={home}\n")), "{file}: {text}");
+            assert!(text.contains(&format!("\nPrivateTmp={temporary}\n")), "{file}: {text}");
+        }
+        let text = written(true, "epuck");
+        assert!(text.contains("NoNewPrivileges=yes") && !text.contains("ProtectSystem"), "{text}");
+    }
+}
