@@ -76,7 +76,8 @@ fn killed_again_and_again(test: &str, law: &str) {
             "{killed} kills only: the successors are too slow to be killed more often"
         );
         assert_eq!(number(&summary, "cycles_without_command"), 0.0, "{summary}");
-        assert_eq!(number(&summary, "restarts") as usize, killed, "{summary}");
+        // The last one may fall together with the arrival.
+        assert!((killed - 1..=killed).contains(&(number(&summary, "restarts") as usize)), "{summary}");
         assert_eq!(summary["reached"], true);
         if number(&summary, "commands_late") == 0.0 {
             for key in ["state_hash", "ticks", "steps", "final_pose", "cross_track_mean_m"] {
