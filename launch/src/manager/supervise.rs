@@ -25,9 +25,14 @@ impl Manager {
         if self.leaving {
             return;
         }
-        // First of all the robot has a driver again.
+        // First of all the robot has a driver again, then there is a successor; tidying up takes longer.
         let handed_over = self.hand_to_standby(slot);
+        self.succeed(slot, how, &last_words.unwrap_or_default(), handed_over);
         self.domain.clean_up_after_the_dead();
+    }
+
+    /// What becomes of the place of a dead worker.
+    fn succeed(&mut self, slot: usize, how: &str, last_words: &str, handed_over: bool) {
         if self.page.phase() != Phase::Go {
             return self.give_up(slot, how);
         }
@@ -37,7 +42,7 @@ impl Manager {
         match (self.members[slot].role, self.members[slot].duty) {
             (_, Duty::Retiring) => self.vacate(slot),
             (_, Duty::Vacant) => {}
-            (_, Duty::Trial) => self.trial_died(slot, how, &last_words.unwrap_or_default()),
+            (_, Duty::Trial) => self.trial_died(slot, how, last_words),
             (Role::Recorder, _) => error!("recorder {how}: the run goes on, its figures are lost"),
             // A simulated robot that is gone is no robot.
             (Role::Plant | Role::Launch, _) => self.give_up(slot, how),
