@@ -23,7 +23,7 @@ use crate::logging::LogSink;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
-use crate::shell::transport::{Domain, HeldServices, Input, Output, SliceOutput, TransportError};
+use crate::shell::transport::{Domain, HeldServices, Input, Janitor, Output, SliceOutput, TransportError};
 use control::{Call, Response};
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use hilare_interfaces::latency::Quantiles;
@@ -139,7 +139,7 @@ pub struct Manager {
     // Order matters: ports and services go before the directory is wiped.
     ports: Ports,
     _services: HeldServices,
-    domain: Domain,
+    janitor: Janitor,
     page: SharedPage,
     job: Job,
     members: Vec<Member>,
@@ -211,7 +211,7 @@ impl Manager {
         let mut manager = Self {
             ports,
             _services: services,
-            domain,
+            janitor: domain.into_janitor().map_err(|e| Failure::Fault(format!("thread: {e}")))?,
             page,
             members: start::members(&job),
             job,

@@ -25,10 +25,10 @@ impl Manager {
         if self.leaving {
             return;
         }
-        // First of all the robot has a driver again, then there is a successor; tidying up takes longer.
+        // First of all the robot has a driver again, then there is a successor; then comes the tidying up.
         let handed_over = self.hand_to_standby(slot);
         self.succeed(slot, how, &last_words.unwrap_or_default(), handed_over);
-        self.domain.clean_up_after_the_dead();
+        self.janitor.call();
     }
 
     /// What becomes of the place of a dead worker.

@@ -6,6 +6,10 @@
 
 #![allow(unsafe_code)]
 
+mod janitor;
+
+pub use janitor::Janitor;
+
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::wires::{WIRES, Wire};
 use iceoryx2::config::Config;
@@ -81,6 +85,9 @@ pub fn write_config(runtime_dir: &FsPath, robot: &str) -> Result<(), TransportEr
     let root = runtime_dir.join("iceoryx2");
     let root = Path::new(root.as_os_str().as_encoded_bytes()).map_err(|e| failed(root.display(), e))?;
     config.global.set_root_path(&root);
+    // Launch does that; who starts or leaves shall not wait for it.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.prefix =
         FileName::new(shm_prefix(robot).as_bytes()).map_err(|e| failed("robot name", e))?;
     let text = toml::to_string(&config).map_err(|e| failed("iceoryx2 configuration", e))?;
@@ -111,9 +118,9 @@ impl Domain {
         Ok(Self { node })
     }
 
-    /// Launch: frees what dead workers left. Failures are for the next call.
-    pub fn clean_up_after_the_dead(&self) {
-        let _ = self.node.try_cleanup_dead_nodes();
+    /// Launch, when its ports are open: somebody to tidy up.
+    pub fn into_janitor(self) -> std::io::Result<Janitor> {
+        Janitor::start(self.node)
     }
 
     /// Launch: creates every service and holds them.

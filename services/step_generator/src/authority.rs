@@ -74,6 +74,8 @@ pub struct Gate {
     in_charge: Candidate,
     standby: Candidate,
     trial: Candidate,
+    /// Who launch has put out of charge last: what it still says is no fault of anybody.
+    dismissed: Pair,
     acting: Option<Acting>,
     /// First cycle start from which a command is due.
     due_from: Tick,
@@ -103,6 +105,7 @@ impl Gate {
             in_charge: Candidate::NOBODY,
             standby: Candidate::NOBODY,
             trial: Candidate::NOBODY,
+            dismissed: (0, 0),
             acting: None,
             due_from: Tick::MAX,
             cycle_start: 0,
@@ -159,6 +162,7 @@ impl Gate {
         if authority.term > self.term || self.in_charge.pair().0 == 0 {
             self.term = authority.term;
             self.borrowed_row = 0;
+            self.dismissed = self.in_charge.pair();
             self.in_charge = candidate(in_charge);
         } else if in_charge != self.in_charge.pair() {
             // Another one under the same term: launch's and this box's decision crossed. Ours came first.
@@ -173,7 +177,8 @@ impl Gate {
         let writer =
             [&mut self.in_charge, &mut self.standby, &mut self.trial].into_iter().find(|c| c.wrote(command));
         let sound = on_the_grid(tick, self.params.period_ticks, command) && command.twist().is_some();
-        if !writer.is_some_and(|writer| sound && writer.keep(command)) {
+        let dismissed = writer.is_none() && (command.source, command.epoch) == self.dismissed;
+        if !(dismissed || writer.is_some_and(|writer| sound && writer.keep(command))) {
             self.rejected += 1;
         }
     }
