@@ -123,6 +123,8 @@ enum hilare_fallback {
     HILARE_FALLBACK_INFEASIBLE = 4,
     /* The deviation is outside what the law's own plan is valid for; the best bounded plan drives. */
     HILARE_FALLBACK_OUTSIDE_VALIDITY = 5,
+    /* Reference or pose make no sense, or no law can make anything of them: the command is none. */
+    HILARE_FALLBACK_NO_SENSE = 6,
 };
 
 /* Why the wheels turn as they do. */

@@ -63,6 +63,8 @@ class Fallback(enum.IntEnum):
     INFEASIBLE = 4
     # The deviation is outside what the law's own plan is valid for; the best bounded plan drives.
     OUTSIDE_VALIDITY = 5
+    # Reference or pose make no sense, or no law can make anything of them: the command is none.
+    NO_SENSE = 6
 
 
 class Drive(enum.IntEnum):

@@ -6,6 +6,8 @@
 //! * [`geometry`], [`segment`], [`chassis`], [`motors`], [`acceptance`], [`params`], [`latency`]: the words
 //!   the boxes share.
 //!
+//! For tests there is `hostile` (a feature of that name): messages no honest program sends.
+//!
 //! Everything is SI (m, rad, s), axes follow ROS REP-103 (x forward, y left, counter-clockwise
 //! positive). The crate is `no_std`: nothing here can reach a clock, a file or a log.
 #![no_std]
@@ -14,6 +16,8 @@ pub mod acceptance;
 pub mod block;
 pub mod chassis;
 pub mod geometry;
+#[cfg(feature = "hostile")]
+pub mod hostile;
 pub mod latency;
 pub mod layout;
 pub mod messages;
@@ -23,5 +27,5 @@ pub mod segment;
 pub mod state;
 pub mod wires;
 
-#[cfg(test)]
+#[cfg(any(test, feature = "hostile"))]
 extern crate std;

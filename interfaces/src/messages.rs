@@ -11,6 +11,7 @@ use crate::segment::Segment;
 use crate::wire_message;
 
 mod codes;
+pub mod sense;
 
 pub use codes::{CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState};
 

@@ -6,11 +6,13 @@
 //! * [`report`]: what a run came to.
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`cli`]: the `hilare` command.
+//! * `private`: what belongs to one user alone, in places that belong to everybody.
 
 pub mod cli;
 pub mod config;
 pub mod logging;
 pub mod manager;
+mod private;
 pub mod report;
 pub mod shell;
 pub mod systemd;

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::fmt::format::Writer;
@@ -34,9 +35,14 @@ where
         let mut fields = Fields(String::new());
         event.record(&mut fields);
         // One event is one line, whatever the message contains.
-        let text = fields.0.replace('\n', " | ");
+        let text = plain(&fields.0.replace('\n', " | "));
         writeln!(to, "{}{text}", head(event.metadata().level().as_str(), self.process))
     }
+}
+
+/// Text without what a terminal would obey: it may be of any program.
+pub fn plain(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\t' { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
 struct Fields(String);
@@ -81,12 +87,37 @@ struct Sink {
     file: Option<File>,
     terminal: Level,
     bar: Option<ProgressBar>,
+    /// What each worker has said of late.
+    talk: Vec<Talk>,
+}
+
+/// Lines a worker may write in a second: more would fill the disk with it.
+const LINES_MAX: u32 = 200;
+
+/// The lines of a worker in the second under way.
+struct Talk {
+    process: String,
+    since: Instant,
+    lines: u32,
+}
+
+impl Talk {
+    /// Counts a line; the lines left out before it if a new second begins, and whether it is one too many.
+    fn count(&mut self, now: Instant) -> (u32, bool) {
+        let mut left_out = 0;
+        if now.duration_since(self.since) >= Duration::from_secs(1) {
+            left_out = self.lines.saturating_sub(LINES_MAX);
+            (self.since, self.lines) = (now, 0);
+        }
+        self.lines = self.lines.saturating_add(1);
+        (left_out, self.lines > LINES_MAX)
+    }
 }
 
 impl LogSink {
     /// Lines of `terminal` and above are shown on standard error.
     pub fn new(terminal: Level) -> Self {
-        Self(Arc::new(Mutex::new(Sink { file: None, terminal, bar: None })))
+        Self(Arc::new(Mutex::new(Sink { file: None, terminal, bar: None, talk: Vec::new() })))
     }
 
     fn with<R>(&self, act: impl FnOnce(&mut Sink) -> R) -> R {
@@ -105,13 +136,22 @@ impl LogSink {
         self.with(|sink| sink.bar = bar);
     }
 
-    /// A line of a worker's standard error; what is not a log line (a panic) is made one.
+    /// A line of a worker's standard error; what is not a log line (a panic) is made one. Of a worker that
+    /// floods its log the rest of the second is left out, and how much that was is said.
     pub fn worker_line(&self, process: &str, line: &str) {
         if line.trim().is_empty() {
             return;
         }
-        match level_of(line) {
-            Some(level) => self.line(level, line),
+        let (left_out, too_many) = self.with(|sink| sink.talk_of(process).count(Instant::now()));
+        if left_out > 0 {
+            self.line(Level::WARN, &format!("{} {left_out} lines left out", head("WARN", process)));
+        }
+        if too_many {
+            return;
+        }
+        let line = plain(line);
+        match level_of(&line) {
+            Some(level) => self.line(level, &line),
             None => self.line(Level::ERROR, &format!("{} {line}", head("ERROR", process))),
         }
     }
@@ -132,6 +172,16 @@ impl LogSink {
                 }
             }
         });
+    }
+}
+
+impl Sink {
+    fn talk_of(&mut self, process: &str) -> &mut Talk {
+        let place = self.talk.iter().position(|talk| talk.process == process).unwrap_or_else(|| {
+            self.talk.push(Talk { process: process.to_owned(), since: Instant::now(), lines: 0 });
+            self.talk.len() - 1
+        });
+        &mut self.talk[place]
     }
 }
 
@@ -177,5 +227,21 @@ mod tests {
         assert_eq!(level_of(&line), Some(Level::WARN));
         assert_eq!(level_of("thread 'main' panicked at src/x.rs:1"), None);
         assert_eq!(level_of(""), None);
+    }
+
+    #[test]
+    fn what_a_worker_says_cannot_move_the_cursor() {
+        let shown = plain("x\u{1b}[2J\r\u{7}\u{9b}31m\ty\u{7f}");
+        assert_eq!(shown, "x\u{fffd}[2J\u{fffd}\u{fffd}\u{fffd}31m\ty\u{fffd}");
+    }
+
+    #[test]
+    fn a_flood_is_cut_and_counted_and_the_next_second_is_another() {
+        let start = Instant::now();
+        let mut talk = Talk { process: "plant".to_owned(), since: start, lines: 0 };
+        let kept = (0..1000).filter(|_| talk.count(start) == (0, false)).count();
+        assert_eq!(kept, LINES_MAX as usize);
+        assert_eq!(talk.count(start + Duration::from_secs(1)), (1000 - LINES_MAX, false));
+        assert_eq!(talk.count(start + Duration::from_secs(1)), (0, false));
     }
 }

@@ -114,6 +114,8 @@ code_enum! {
         Infeasible = 4, "no plan of its own within the limits: best bounded plan used";
         /// The deviation is outside what the law's own plan is valid for; the best bounded plan drives.
         OutsideValidity = 5, "deviation outside the law's validity: best bounded plan used";
+        /// Reference or pose make no sense, or no law can make anything of them: the command is none.
+        NoSense = 6, "reference or pose make no sense: no command";
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{VerbResult, print};
 use crate::manager::robot_dir::{SHM_NEEDED, SOCKET_PATH_MAX, base_dir, living_robots, socket_path};
+use crate::private::{foreign, private_dir, shm_names};
 use crate::shell::transport::shm_prefix;
 use clap::Args;
 use rustix::process::{Resource, getrlimit};
@@ -162,16 +163,15 @@ fn cores() -> Finding {
 fn runtime_dir() -> Finding {
     let base = base_dir();
     let probe = base.join(".doctor");
-    let writable = fs::create_dir_all(&base)
-        .and_then(|()| fs::write(&probe, b""))
-        .and_then(|()| fs::remove_file(&probe));
+    let writable =
+        private_dir(&base).and_then(|()| fs::write(&probe, b"")).and_then(|()| fs::remove_file(&probe));
     match writable {
         Ok(()) => finding("runtime dir", Verdict::Good, base.display().to_string(), ""),
         Err(error) => finding(
             "runtime dir",
             Verdict::Bad,
             format!("{}: {error}", base.display()),
-            "set HILARE_RUNTIME_DIR to a directory you own",
+            "set HILARE_RUNTIME_DIR to a directory of your own",
         ),
     }
 }
@@ -199,18 +199,22 @@ fn ports() -> Finding {
 /// Files of this user in /dev/shm whose robot is not alive.
 fn leftovers() -> Finding {
     let living = living_robots();
-    let Ok(entries) = fs::read_dir("/dev/shm") else {
-        return finding("leftovers", Verdict::Warning, "/dev/shm is not readable", "mount a tmpfs there");
-    };
     let all = shm_prefix("");
     let ours = all.trim_end_matches('.');
     let mut dead: BTreeMap<String, usize> = BTreeMap::new();
-    for name in entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()) {
+    for path in shm_names(ours) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
         let Some((robot, _)) =
             name.strip_prefix(ours).and_then(|rest| rest.strip_prefix('.')?.split_once('.'))
         else {
             continue;
         };
+        // No launch removes what is another user's.
+        if let Some(why) = foreign(&path) {
+            let found = format!("{}: {why}", path.display());
+            let cure = format!("have it removed; robot {robot} cannot come up before that");
+            return finding("leftovers", Verdict::Warning, found, cure);
+        }
         if !living.iter().any(|living| living.robot == robot) {
             *dead.entry(robot.to_owned()).or_default() += 1;
         }

@@ -5,11 +5,12 @@ use crate::config::System;
 use crate::logging;
 use crate::manager::Failure;
 use crate::manager::join::{Watch, find_place};
+use crate::private::PrivateUmask;
 use crate::shell::ClockKind;
 use crate::shell::boxes::{ControllerProcess, EstimatorProcess, PlantProcess, SelectorProcess};
 use crate::shell::clock::ClockProcess;
 use crate::shell::observer::RecorderProcess;
-use crate::shell::page::PAGE_FD;
+use crate::shell::page::{MAX_SLOTS, PAGE_FD};
 use crate::shell::planning::PlannerProcess;
 use crate::shell::realtime::{self, CpuChoice};
 use crate::shell::transport::CONFIG_FILE;
@@ -78,6 +79,11 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
             return Err(refused("workers are started by hilare up or run; to join one: --join ROBOT"));
         }
     };
+    if told.slot >= MAX_SLOTS {
+        return Err(refused(format!("--slot {}: there are {MAX_SLOTS}", told.slot)));
+    }
+    // Whatever it creates is its user's alone, also when somebody else than launch has started it.
+    let _umask = PrivateUmask::set();
     logging::init_worker(role.name());
     let assignment = Assignment {
         role,

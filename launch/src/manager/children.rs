@@ -100,13 +100,17 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
         });
     })?;
     let output = child.stdout.take();
+    // Nobody reads what others print; a flood of it must not fill launch's memory.
+    let is_heard = what.role == Role::Recorder;
     let (kills_before, realtime) = (memory_kills(), what.realtime);
     let (events, watched, slot, incarnation) =
         (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
     threads().spawn(move || {
         if let Some(output) = output {
             for_each_line(output, |line| {
-                let _ = events.send(Event::Output { slot, line: line.to_owned() });
+                if is_heard {
+                    let _ = events.send(Event::Output { slot, line: line.to_owned() });
+                }
             });
         }
         if realtime {

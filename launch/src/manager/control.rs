@@ -1,24 +1,28 @@
 //! The control socket: how the command line reaches a running launch.
 //!
 //! One request a connection, one line of JSON each way, in a socket only the owner can open. The
-//! listener's threads only carry; launch's own loop answers.
+//! listener ([`server`]) only carries; launch's own loop answers.
 
-use super::join::{Peer, send_with};
-use crossbeam_channel::{Sender, bounded};
+mod server;
+
+use super::join::Peer;
+use crate::private::euid;
+use crossbeam_channel::Sender;
+use hilare_interfaces::messages::MAX_WAYPOINTS;
 use serde::{Deserialize, Serialize};
+pub use server::listen;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::os::fd::OwnedFd;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Longest request: the longest path, as JSON.
-const MAX_REQUEST: u64 = 8 << 20;
-/// How long either side waits for the other.
+const MAX_REQUEST: usize = 8 << 20;
+/// Longest answer: every process of a robot, each with its reason.
+const MAX_RESPONSE: u64 = 1 << 20;
+/// How long an answer is waited for.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Requests under way at once.
-const MAX_CONNECTIONS: usize = 16;
 
 /// What can be asked of a launch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,61 +109,32 @@ pub struct Call {
     pub reply: Sender<Response>,
 }
 
-/// Listens on `path`, handing every request to `deliver`. Whoever gets a place gets `page` with it.
-pub fn listen(path: &Path, page: OwnedFd, deliver: impl Fn(Call) + Clone + Send + 'static) -> io::Result<()> {
-    let page = Arc::new(page);
-    let listener = UnixListener::bind(path)?;
-    std::fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
-    let places = bounded::<()>(MAX_CONNECTIONS);
-    let threads = std::thread::Builder::new().name("control".into()).stack_size(256 << 10);
-    threads.spawn(move || {
-        for stream in listener.incoming().flatten() {
-            if places.0.try_send(()).is_err() {
-                continue;
+impl Request {
+    /// Why it is not passed on, if it is not.
+    fn refusal(&self) -> Option<String> {
+        match self {
+            Self::Follow(points) if points.len() > MAX_WAYPOINTS => {
+                Some(format!("more than {MAX_WAYPOINTS} waypoints ({}); thin the path out", points.len()))
             }
-            let (deliver, place, page) = (deliver.clone(), places.1.clone(), Arc::clone(&page));
-            let serving = std::thread::Builder::new().stack_size(256 << 10).spawn(move || {
-                let _ = serve(&stream, &page, deliver);
-                let _ = place.try_recv();
-            });
-            if serving.is_err() {
-                let _ = places.1.try_recv();
-            }
+            _ => None,
         }
-    })?;
-    Ok(())
-}
+    }
 
-fn serve(stream: &UnixStream, page: &OwnedFd, deliver: impl Fn(Call)) -> io::Result<()> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let mut line = String::new();
-    BufReader::new(stream.take(MAX_REQUEST)).read_line(&mut line)?;
-    let response = match serde_json::from_str(&line) {
-        Ok(request) => {
-            let (reply, answer) = bounded(1);
-            let joins = matches!(request, Request::Join(_));
-            let peer = joins.then(|| Peer::of(stream).ok()).flatten();
-            deliver(Call { request, peer, reply });
-            answer
-                .recv_timeout(PATIENCE)
-                .unwrap_or_else(|_| Response::refused("launch did not answer in time"))
-        }
-        Err(error) => Response::refused(format!("not a request: {error}")),
-    };
-    let mut text = serde_json::to_string(&response)?;
-    text.push('\n');
-    let mut stream = stream;
-    match response.place {
-        Some(_) => send_with(stream, text.as_bytes(), page),
-        None => stream.write_all(text.as_bytes()),
+    /// True if launch answers it without waiting for anybody else.
+    fn is_answered_at_once(&self) -> bool {
+        !matches!(self, Self::Follow(_) | Self::Goal { .. } | Self::Swap { .. })
     }
 }
 
-/// Sends one request to the launch of a robot.
+/// Sends one request to the launch of a robot. A socket that is not this user's is not spoken to.
 pub(super) fn send(socket: &Path, request: &Request) -> io::Result<UnixStream> {
+    let found = std::fs::symlink_metadata(socket)?;
+    if found.uid() != euid() || !found.file_type().is_socket() {
+        return Err(io::Error::other("its control socket is not one of this user"));
+    }
     let mut stream = UnixStream::connect(socket)?;
     stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
     let mut text = serde_json::to_string(request)?;
     text.push('\n');
     stream.write_all(text.as_bytes())?;
@@ -170,6 +145,6 @@ pub(super) fn send(socket: &Path, request: &Request) -> io::Result<UnixStream> {
 pub fn ask(socket: &Path, request: &Request) -> io::Result<Response> {
     let stream = send(socket, request)?;
     let mut line = String::new();
-    BufReader::new(stream).read_line(&mut line)?;
+    BufReader::new(stream.take(MAX_RESPONSE)).read_line(&mut line)?;
     Ok(serde_json::from_str(&line)?)
 }

@@ -2,23 +2,27 @@
 //!
 //! One robot name, one launch: a lock file in /dev/shm, where the robot's shared memory is, holds the pid
 //! of the launch in charge and its directory. The directory and the robot's files in /dev/shm are wiped
-//! when a launch takes the lock (nothing of this robot is alive then) and when it lets go.
+//! when a launch takes the lock (nothing of this robot is alive then) and when it lets go. Names that
+//! another user has taken are refused, and left alone.
 
+use crate::private::{
+    PrivateUmask, SHM, check_shm_names, euid, foreign, open_own_file, private_dir, shm_names,
+};
 use crate::shell::transport::shm_prefix;
-use rustix::fs::{FlockOperation, Mode, flock, statvfs};
+use rustix::fs::{FlockOperation, flock, statvfs};
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// Free bytes in /dev/shm below which a start is refused: a full tmpfs kills whoever touches it.
 pub const SHM_NEEDED: u64 = 32 << 20;
 
-/// Where shared memory lies.
-const SHM: &str = "/dev/shm";
 /// End of a lock's name.
 const LOCK: &str = "-lock";
+/// Most that is read of a lock: a pid and a path.
+const LOCK_BYTES: u64 = 4096 + 32;
 /// Name of the control socket in a robot's directory.
 pub const SOCKET: &str = "control.sock";
 
@@ -42,9 +46,11 @@ pub fn base_dir() -> PathBuf {
     if let Some(dir) = std::env::var_os("HILARE_RUNTIME_DIR") {
         return dir.into();
     }
-    match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| Path::new(dir).is_dir()) {
+    // Who became another user may have kept the first one's variable.
+    let ours = |dir: &Path| fs::metadata(dir).is_ok_and(|found| found.is_dir() && found.uid() == euid());
+    match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| ours(Path::new(dir))) {
         Some(dir) => Path::new(&dir).join("hilare"),
-        None => PathBuf::from(format!("/tmp/hilare-{}", rustix::process::geteuid().as_raw())),
+        None => PathBuf::from(format!("/tmp/hilare-{}", euid())),
     }
 }
 
@@ -85,20 +91,20 @@ pub fn latched_robots() -> Vec<String> {
     robots
 }
 
-/// Robots of this user that a living launch holds, whatever its environment was.
+/// Robots of this user that a living launch holds, whatever its environment was. Locks that somebody
+/// else has made in our name are no robots of ours.
 pub fn living_robots() -> Vec<Living> {
-    let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
     let head = shm_prefix("");
-    let head = head.trim_end_matches('.');
-    let mut robots: Vec<Living> = entries
-        .flatten()
-        .filter_map(|entry| {
-            let name = entry.file_name().into_string().ok()?;
-            let robot = name.strip_prefix(head)?.strip_prefix('.')?.strip_suffix(LOCK)?.to_owned();
+    let head = format!("{}.", head.trim_end_matches('.'));
+    let mut robots: Vec<Living> = shm_names(&head)
+        .into_iter()
+        .filter_map(|path| {
+            let name = path.file_name()?.to_str()?;
+            let robot = name.strip_prefix(&head)?.strip_suffix(LOCK)?.to_owned();
             if robot.contains('.') {
                 return None;
             }
-            let mut file = File::open(entry.path()).ok()?;
+            let mut file = open_own_file(&path, OpenOptions::new().read(true)).ok()?;
             let held = flock(&file, FlockOperation::NonBlockingLockShared).is_err();
             let (pid, dir) = read_lock(&mut file)?;
             held.then(|| Living { robot, pid, socket: Path::new(&dir).join(SOCKET) })
@@ -111,29 +117,19 @@ pub fn living_robots() -> Vec<Living> {
 /// Pid and directory of a lock.
 fn read_lock(file: &mut File) -> Option<(i32, String)> {
     let mut text = String::new();
-    file.read_to_string(&mut text).ok()?;
+    file.take(LOCK_BYTES).read_to_string(&mut text).ok()?;
     let (pid, dir) = text.trim_end().split_once('\n')?;
     Some((pid.parse().ok()?, dir.to_owned()))
 }
 
-/// Files of a robot in /dev/shm.
-pub fn shm_files(robot: &str) -> Vec<PathBuf> {
-    let prefix = shm_prefix(robot);
-    let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
-    entries
-        .flatten()
-        .filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix))
-        .map(|entry| entry.path())
-        .collect()
-}
-
-/// A robot claimed by this process.
+/// A robot claimed by this process. As long as it is, what the process creates is for its user only.
 pub struct RobotDir {
     robot: String,
     path: PathBuf,
     lock_path: PathBuf,
     /// Held as long as the claim.
     _lock: File,
+    _umask: PrivateUmask,
 }
 
 impl RobotDir {
@@ -151,7 +147,13 @@ impl RobotDir {
         let path = base.join(robot);
         let lock_path = Path::new(SHM).join(format!("{}{LOCK}", shm_prefix(robot).trim_end_matches('.')));
         let lock = take_lock(&lock_path, robot, &path)?;
-        let claim = Self { robot: robot.to_owned(), path, lock_path, _lock: lock };
+        // Before anything is wiped: what is another user's is not ours to remove.
+        if let Err(why) = check_shm_names(&shm_prefix(robot)) {
+            let _ = fs::remove_file(&lock_path);
+            return Err(taken(robot, &why));
+        }
+        let umask = PrivateUmask::set();
+        let claim = Self { robot: robot.to_owned(), path, lock_path, _lock: lock, _umask: umask };
         claim.wipe();
         let _ = fs::remove_file(log_path(robot));
         make_private(&claim.path)?;
@@ -165,7 +167,7 @@ impl RobotDir {
 
     fn wipe(&self) {
         let _ = fs::remove_dir_all(&self.path);
-        for file in shm_files(&self.robot) {
+        for file in shm_names(&shm_prefix(&self.robot)) {
             let _ = fs::remove_file(file);
         }
     }
@@ -195,41 +197,29 @@ fn check_shm() -> Result<(), ClaimError> {
     }
 }
 
-/// Makes a directory that only this user may enter, or refuses one that is not.
+/// Makes a directory, or refuses one that others can put something into.
 fn make_private(dir: &Path) -> Result<(), ClaimError> {
-    let failed = |error: io::Error| {
-        ClaimError(format!("{}: {error}; set HILARE_RUNTIME_DIR to a directory you own", dir.display()))
-    };
-    match fs::DirBuilder::new().mode(0o700).create(dir) {
-        Ok(()) => return Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            return fs::DirBuilder::new().mode(0o700).recursive(true).create(dir).map_err(failed);
-        }
-        Err(error) => return Err(failed(error)),
-    }
-    let found = fs::symlink_metadata(dir).map_err(failed)?;
-    let ours = found.is_dir() && found.uid() == rustix::process::geteuid().as_raw();
-    if !ours {
-        return Err(failed(io::Error::other("not a directory of this user")));
-    }
-    if found.mode() & 0o077 != 0 {
-        rustix::fs::chmod(dir, Mode::RWXU).map_err(|error| failed(error.into()))?;
-    }
-    Ok(())
+    private_dir(dir).map_err(|error| {
+        ClaimError(format!("{}: {error}; set HILARE_RUNTIME_DIR to a directory of your own", dir.display()))
+    })
+}
+
+/// A name of this robot that somebody else has taken.
+fn taken(robot: &str, why: &str) -> ClaimError {
+    ClaimError(format!(
+        "{why}: the names of robot {robot:?} are taken; have it removed, or choose another name (--robot NAME)"
+    ))
 }
 
 fn take_lock(path: &Path, robot: &str, dir: &Path) -> Result<File, ClaimError> {
     let failed = |error: io::Error| ClaimError(format!("{}: {error}", path.display()));
     loop {
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(path)
-            .map_err(failed)?;
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false).mode(0o600);
+        let mut file = open_own_file(path, &mut options).map_err(|error| match foreign(path) {
+            Some(why) => taken(robot, &format!("{}: {why}", path.display())),
+            None => failed(error),
+        })?;
         if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
             let pid = read_lock(&mut file).map_or_else(|| "?".to_owned(), |(pid, _)| pid.to_string());
             return Err(ClaimError(format!(

@@ -1,6 +1,7 @@
 //! What `hilare status` shows.
 
-use serde::{Deserialize, Serialize};
+use crate::logging::plain;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// State of a robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,10 +25,13 @@ pub struct Status {
     /// Waypoints of the path.
     pub waypoints: u64,
     /// Estimated pose: m, m, rad; absent until the robot was armed for the first time.
+    #[serde(deserialize_with = "three_numbers")]
     pub pose: Option<[f64; 3]>,
-    /// Commanded speed, m/s, and yaw rate, rad/s.
+    /// Commanded speed, m/s.
+    #[serde(deserialize_with = "number")]
     pub speed_mps: f64,
-    /// Commanded yaw rate.
+    /// Commanded yaw rate, rad/s.
+    #[serde(deserialize_with = "number")]
     pub omega_radps: f64,
     /// Commands that came late.
     pub commands_late: u64,
@@ -65,8 +69,18 @@ pub struct ProcessStatus {
     pub granted: String,
 }
 
+/// JSON has `null` for what is no number, which a worker gone wrong may have put on its wire.
+fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+fn three_numbers<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 3]>, D::Error> {
+    let numbers: Option<[Option<f64>; 3]> = Option::deserialize(from)?;
+    Ok(numbers.map(|numbers| numbers.map(|number| number.unwrap_or(f64::NAN))))
+}
+
 impl Status {
-    /// The status for people.
+    /// The status for people. Nothing in it moves their cursor: reasons are the words of any program.
     pub fn to_text(&self) -> String {
         let drive = if self.mode == self.drive { String::new() } else { format!(", {}", self.drive) };
         let mut text = format!(
@@ -102,9 +116,44 @@ impl Status {
             let name = format!("{}{law}{}", process.name, if process.authority { " *" } else { "" });
             text.push_str(&format!(
                 "  {:<26}{:>8}  {:<10}{:>9}  {} {}\n",
-                name, process.pid, process.state, process.restarts, process.granted, process.reason
+                name,
+                process.pid,
+                process.state,
+                process.restarts,
+                process.granted,
+                plain(&process.reason)
             ));
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_arrives_even_if_its_numbers_are_none() {
+        let status = Status {
+            pose: Some([1.0, f64::NAN, f64::INFINITY]),
+            speed_mps: f64::NEG_INFINITY,
+            ..Status::default()
+        };
+        let text = serde_json::to_string(&status).unwrap();
+        let back: Status = serde_json::from_str(&text).unwrap();
+        let [x, y, theta] = back.pose.unwrap();
+        assert!(
+            x == 1.0 && y.is_nan() && theta.is_nan() && back.speed_mps.is_nan() && back.omega_radps == 0.0
+        );
+        let without: Status =
+            serde_json::from_str(&serde_json::to_string(&Status::default()).unwrap()).unwrap();
+        assert_eq!(without, Status::default());
+    }
+
+    #[test]
+    fn a_reason_cannot_clear_the_screen() {
+        let process = ProcessStatus { reason: "\u{1b}[2Jall is well".to_owned(), ..ProcessStatus::default() };
+        let text = Status { processes: vec![process], ..Status::default() }.to_text();
+        assert!(text.contains("all is well") && !text.contains('\u{1b}'), "{text:?}");
     }
 }

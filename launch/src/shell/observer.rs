@@ -59,11 +59,12 @@ impl Reactive for RecorderProcess {
     fn poll(&mut self, _worker: &mut Worker) -> bool {
         while let Some(steps) = self.steps.next() {
             self.report.tick = steps.tick;
-            self.assembler.steps.push_back(steps);
+            self.assembler.push_steps(steps);
         }
-        self.assembler.poses.extend(std::iter::from_fn(|| self.pose.next()));
-        self.assembler.truths.extend(std::iter::from_fn(|| self.truth.next()));
-        self.assembler.references.extend(std::iter::from_fn(|| self.reference.next()));
+        std::iter::from_fn(|| self.pose.next()).for_each(|pose| self.assembler.push_pose(pose));
+        std::iter::from_fn(|| self.truth.next()).for_each(|truth| self.assembler.push_truth(truth));
+        std::iter::from_fn(|| self.reference.next())
+            .for_each(|reference| self.assembler.push_reference(reference));
         let record = &mut self.record;
         self.assembler.drain(|tick| record.push(tick));
         self.report.steps = self.assembler.done();

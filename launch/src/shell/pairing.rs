@@ -5,9 +5,15 @@
 //! controller's own queue (seen in lockstep on busy cores, where it then waited for ever). So a
 //! reference whose pose is not there yet waits; only a later pose proves that it was lost. Steps and
 //! the wheels that answer them meet in the same way.
+//!
+//! A tick that is a lie costs the messages it meets, at most [`APART_MAX`] ticks of them, not those that come:
+//! what lies too far apart to be of one time is given up on both sides.
 
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::messages::{Pose, PoseFix, Reference, Steps, Wheels};
+
+/// Ticks between two messages beyond which they are not of one time: two seconds.
+const APART_MAX: u64 = 2_000;
 
 /// A message of a tick.
 pub trait Stamped: Copy {
@@ -53,13 +59,21 @@ impl<A: Stamped, B: Stamped> Pairing<A, B> {
                 Some(waiting) => waiting,
                 None => *self.waiting.insert(first()?),
             };
-            while self.newest.is_none_or(|newest| newest.tick() < wanting.tick()) {
-                self.newest = Some(second()?);
-            }
-            self.waiting = None;
-            match self.newest.filter(|newest| newest.tick() == wanting.tick()) {
-                Some(partner) => return Some((wanting, partner)),
-                None => self.lost += 1,
+            let newest = match self.newest {
+                Some(newest) => newest,
+                None => *self.newest.insert(second()?),
+            };
+            if newest.tick().abs_diff(wanting.tick()) > APART_MAX {
+                (self.waiting, self.newest) = (None, None);
+                self.lost = self.lost.saturating_add(1);
+            } else if newest.tick() < wanting.tick() {
+                self.newest = None;
+            } else {
+                self.waiting = None;
+                if newest.tick() == wanting.tick() {
+                    return Some((wanting, newest));
+                }
+                self.lost = self.lost.saturating_add(1);
             }
         }
     }
@@ -73,12 +87,12 @@ impl<A: Stamped, B: Stamped> Pairing<A, B> {
 /// Fixes that have come, until they are used.
 #[derive(Debug)]
 pub struct Fixes {
-    /// Those due at the tick asked for last, and at most one that is not.
+    /// Those due at the tick asked for last, and at most one that is not; at most [`ROOM`].
     waiting: Vec<PoseFix>,
     used: usize,
 }
 
-/// Fixes there is room for without allocating: of each tick there is at most one.
+/// Fixes taken in at most at once, without allocating: of each tick there is at most one.
 const ROOM: usize = 64;
 
 impl Default for Fixes {
@@ -89,12 +103,14 @@ impl Default for Fixes {
 
 impl Fixes {
     /// The fixes to be used at `tick`, each once, the oldest first. A plant that is ahead has sent later
-    /// ones already: they stay on the wire.
+    /// ones already: they stay on the wire. One that is not of this time is given up.
     pub fn due(&mut self, tick: Tick, mut arrived: impl FnMut() -> Option<PoseFix>) -> &[PoseFix] {
         self.waiting.drain(..self.used);
-        while self.waiting.last().is_none_or(|fix| fix.tick <= tick) {
+        while self.waiting.len() < ROOM && self.waiting.last().is_none_or(|fix| fix.tick <= tick) {
             let Some(fix) = arrived() else { break };
-            self.waiting.push(fix);
+            if fix.tick.abs_diff(tick) <= APART_MAX {
+                self.waiting.push(fix);
+            }
         }
         self.used = self.waiting.iter().take_while(|fix| fix.tick <= tick).count();
         &self.waiting[..self.used]
@@ -104,7 +120,9 @@ impl Fixes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hilare_interfaces::hostile::{cases, integer, some};
     use hilare_interfaces::layout::WireField;
+    use proptest::prelude::*;
     use std::collections::VecDeque;
 
     #[derive(Default)]
@@ -173,5 +191,47 @@ mod tests {
             seen += due.len();
         }
         assert_eq!(seen, 1000);
+    }
+
+    proptest! {
+        #![proptest_config(cases(100))]
+
+        #[test]
+        fn a_lie_about_a_tick_costs_what_it_meets_and_no_more(
+            lies in some((0u64..60, integer(), any::<bool>()), 6),
+        ) {
+            let (mut pairing, mut wires) = (Pairing::default(), Wires::default());
+            let mut last = None;
+            for tick in 0..2 * APART_MAX {
+                for (_, lie, of_a_pose) in lies.iter().filter(|(when, ..)| *when == tick) {
+                    if *of_a_pose { wires.poses(std::iter::once(*lie)) } else { wires.reference(*lie) };
+                }
+                wires.poses(tick..tick + 1);
+                if tick % 5 == 0 {
+                    wires.reference(tick);
+                }
+                while let Some((reference, pose)) = wires.next(&mut pairing) {
+                    prop_assert_eq!(reference, pose);
+                    last = Some(reference);
+                }
+            }
+            prop_assert_eq!(last, Some(2 * APART_MAX - 5));
+        }
+
+        #[test]
+        fn a_lying_fix_keeps_no_other_from_its_tick(
+            lies in some((0u64..60, integer()), 6),
+        ) {
+            let (mut fixes, mut wire) = (Fixes::default(), VecDeque::new());
+            let mut last = 0;
+            for tick in 0..2 * APART_MAX {
+                wire.extend(lies.iter().filter(|(when, _)| *when == tick).map(|(_, lie)| *lie));
+                wire.push_back(tick);
+                let due = fixes.due(tick, || wire.pop_front().map(|tick| PoseFix { tick, ..PoseFix::ZERO }));
+                prop_assert!(due.len() <= ROOM && due.iter().all(|fix| fix.tick <= tick));
+                last = due.last().map_or(last, |fix| fix.tick);
+            }
+            prop_assert_eq!(last, 2 * APART_MAX - 1);
+        }
     }
 }

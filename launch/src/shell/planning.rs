@@ -5,7 +5,9 @@ use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
-use hilare_interfaces::messages::{Answer, GoalHeader, GoalKind, PathHeader, Pose, Waypoint, text_field};
+use hilare_interfaces::messages::{
+    Answer, GoalHeader, GoalKind, MAX_WAYPOINTS, PathHeader, Pose, Waypoint, text_field,
+};
 use hilare_interfaces::wires;
 use hilare_planner::{Budget, Navigator};
 use std::fs::File;
@@ -109,11 +111,13 @@ impl Reactive for PlannerProcess {
         {
             worker.page.ring(&wires::PATH);
         }
-        if let Some(pose) = self.pose.last() {
+        if let Some(pose) = self.pose.last().filter(Pose::makes_sense) {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;
         }
-        let next_goal = || self.goal.next(|header, waypoints| (*header, waypoints.to_vec()));
+        // One more than there may be, so that too many are refused as such.
+        let copied = |waypoints: &[Waypoint]| waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)].to_vec();
+        let next_goal = || self.goal.next(|header, waypoints| (*header, copied(waypoints)));
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
             let text = text_field(OVERTAKEN);

@@ -10,6 +10,7 @@ mod janitor;
 
 pub use janitor::Janitor;
 
+use crate::private;
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::wires::{WIRES, Wire};
 use iceoryx2::config::Config;
@@ -76,7 +77,7 @@ unsafe impl<T: WireMessage + fmt::Debug> ZeroCopySend for OnWire<T> {
 /// Beginning of the names of a robot's files in shared memory. Robot names have no dots, so none is
 /// the beginning of another's.
 pub fn shm_prefix(robot: &str) -> String {
-    format!("hilare.{}.{robot}.", rustix::process::geteuid().as_raw())
+    format!("hilare.{}.{robot}.", private::euid())
 }
 
 /// Launch: writes the domain's configuration into the runtime directory.
@@ -123,10 +124,13 @@ impl Domain {
         Janitor::start(self.node)
     }
 
-    /// Launch: creates every service and holds them.
+    /// Launch: creates every service and holds them, before any worker joins.
     pub fn create_services(&self) -> Result<HeldServices, TransportError> {
         use hilare_interfaces::messages as m;
         use hilare_interfaces::wires as w;
+        // iceoryx2 opens its counter of nodes to everybody, by fchmod, whatever the umask.
+        private::close_shm_to_others(&self.node.config().global.prefix.to_string())
+            .map_err(TransportError)?;
         Ok(HeldServices {
             _services: [
                 Box::new(self.create::<m::Answer>(&w::ANSWER)?),

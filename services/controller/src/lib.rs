@@ -141,7 +141,9 @@ impl LawOutput {
     }
 }
 
-/// A control law: called once a control period; total, without clock or allocation.
+/// A control law: called once a control period, with a reference and a pose that make sense
+/// ([`hilare_interfaces::messages::sense`]) and any finite twist in action. Without clock or allocation; it
+/// always comes to an end, and never panics. An answer that is not finite counts as none.
 pub trait ControlLaw: Send {
     /// The twist for one control period.
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput;
@@ -171,6 +173,9 @@ pub struct ControllerInputs<'a> {
     /// Estimated pose at `reference.tick`.
     pub pose: &'a Pose,
 }
+
+/// The step generator refuses it: the same as if none had come, and said so.
+const NO_COMMAND: BodyTwist = BodyTwist::new(f64::NAN, f64::NAN, f64::NAN);
 
 /// The box: a law with an identity, stamping its commands.
 pub struct Controller {
@@ -205,6 +210,22 @@ impl Controller {
         let output = self.law.step(LawInputs { pose: course, reference, acting });
         LawOutput { twist: output.twist.turned(crab_rad), ..output }
     }
+
+    /// What the law makes of reference and pose; nothing if they, or what it makes of them, make no sense.
+    fn answer(&mut self, tick: Tick, inputs: ControllerInputs<'_>) -> Option<LawOutput> {
+        let present = self.prediction.present(inputs.pose, tick);
+        if !(inputs.reference.makes_sense() && inputs.pose.makes_sense() && present.makes_sense()) {
+            return None;
+        }
+        let output = self.ask(present, inputs.reference);
+        if output.twist.is_finite() {
+            return Some(output);
+        }
+        // It may have learnt what it could not answer, or what acts may be why.
+        self.law.reset();
+        self.acting = BodyTwist::ZERO;
+        None
+    }
 }
 
 impl Block for Controller {
@@ -217,26 +238,29 @@ impl Block for Controller {
             self.path_id = reference.path_id;
             self.law.reset();
         }
+        let acted = self.acting;
         let output = if reference.state == ReferenceState::Tracking.code() {
-            self.ask(self.prediction.present(inputs.pose, tick), reference)
+            self.answer(tick, inputs)
         } else {
-            LawOutput::sound(BodyTwist::ZERO)
+            Some(LawOutput::sound(BodyTwist::ZERO))
         };
-        let twist = output.twist;
-        // What was commanded last acts until this command does; no step generator takes nonsense.
-        self.prediction.note(self.acting);
-        self.acting = if twist.is_finite() { twist } else { BodyTwist::ZERO };
-        self.seq += 1;
+        // What was commanded last acts until this command does.
+        self.prediction.note(acted);
+        // A command that is none leaves in force what acts.
+        self.acting = output.map_or(self.acting, |output| output.twist);
+        let LawOutput { twist, fallback } =
+            output.unwrap_or(LawOutput { twist: NO_COMMAND, fallback: Fallback::NoSense });
+        self.seq = self.seq.wrapping_add(1);
         Command {
             source: self.identity.source,
             epoch: self.identity.epoch,
             seq: self.seq,
             pose_tick: tick,
-            effective_tick: tick + self.period_ticks,
+            effective_tick: tick.saturating_add(self.period_ticks),
             vx_mps: twist.vx_mps,
             vy_mps: twist.vy_mps,
             omega_radps: twist.omega_radps,
-            fallback: output.fallback.code(),
+            fallback: fallback.code(),
         }
     }
 }

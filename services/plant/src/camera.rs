@@ -51,11 +51,11 @@ impl Camera {
     /// Watches the true pose of a tick; the fix that has come through by then, if any.
     pub fn watch(&mut self, tick: Tick, truth: WorldPose) -> Option<PoseFix> {
         if tick >= self.next_picture {
-            self.next_picture = tick + self.params.period_ticks;
+            self.next_picture = tick.saturating_add(self.params.period_ticks);
             if self.noise.uniform() > self.params.lost {
                 let mut off = |sd: f64| if sd > 0.0 { sd * self.noise.normal() } else { 0.0 };
                 let fix = PoseFix {
-                    tick: tick + self.params.delay_ticks,
+                    tick: tick.saturating_add(self.params.delay_ticks),
                     captured_tick: tick,
                     x_m: truth.x_m + off(self.params.sd_m),
                     y_m: truth.y_m + off(self.params.sd_m),

@@ -21,10 +21,9 @@ impl CameraHold {
         Self { pose: start, measured_tick: 0 }
     }
 
-    /// The pose after these fixes, the oldest first; those that are not finite are passed over.
+    /// The pose after these fixes, the oldest first; those that make no sense are passed over.
     pub fn step(&mut self, tick: Tick, fixes: &[PoseFix]) -> Pose {
-        let finite = |fix: &&PoseFix| fix.pose().position().is_finite() && fix.theta_rad.is_finite();
-        if let Some(fix) = fixes.iter().rev().find(finite) {
+        if let Some(fix) = fixes.iter().rev().find(|fix| fix.makes_sense()) {
             let turn = wrap_angle_rad(fix.theta_rad - self.pose.theta_rad);
             self.pose = WorldPose::new(fix.x_m, fix.y_m, self.pose.theta_rad + turn);
             self.measured_tick = fix.captured_tick;

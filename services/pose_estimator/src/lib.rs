@@ -15,12 +15,14 @@ extern crate std;
 pub mod camera_hold;
 pub mod dead_reckoning;
 pub mod ekf;
+mod guard;
 
 use alloc::boxed::Box;
 use camera_hold::CameraHold;
 use dead_reckoning::DeadReckoning;
-use ekf::Ekf;
 use ekf::params::EkfParams;
+use ekf::{Ekf, FixCounts};
+use guard::{Guard, Worth};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::chassis::{Chassis, PerWheel};
 use hilare_interfaces::geometry::WorldPose;
@@ -84,36 +86,63 @@ pub struct EstimatorSetup {
     pub ekf: EkfParams,
 }
 
+/// The ways to estimate.
+#[derive(Clone, Debug)]
+enum Estimator {
+    DeadReckoning(DeadReckoning),
+    Camera(CameraHold),
+    Ekf(Box<Ekf>),
+}
+
 /// The box.
 #[derive(Clone, Debug)]
-pub enum PoseEstimator {
-    /// From counts alone.
-    DeadReckoning(DeadReckoning),
-    /// From fixes alone.
-    Camera(CameraHold),
-    /// From both.
-    Ekf(Box<Ekf>),
+pub struct PoseEstimator {
+    guard: Guard,
+    estimator: Estimator,
+    /// What was answered last.
+    pose: Pose,
 }
 
 impl PoseEstimator {
     /// At the assumed start, with nothing counted.
     pub fn new(kind: EstimatorKind, setup: EstimatorSetup) -> Self {
-        match kind {
+        let estimator = match kind {
             EstimatorKind::DeadReckoning => {
-                Self::DeadReckoning(DeadReckoning::new(setup.chassis, setup.count_rad, setup.start))
+                Estimator::DeadReckoning(DeadReckoning::new(setup.chassis, setup.count_rad, setup.start))
             }
-            EstimatorKind::Camera => Self::Camera(CameraHold::new(setup.start)),
-            EstimatorKind::Ekf => Self::Ekf(Box::new(Ekf::new(&setup, setup.ekf))),
+            EstimatorKind::Camera => Estimator::Camera(CameraHold::new(setup.start)),
+            EstimatorKind::Ekf => Estimator::Ekf(Box::new(Ekf::new(&setup, setup.ekf))),
+        };
+        let guard = Guard::new(&setup.chassis, setup.count_rad, kind != EstimatorKind::Camera);
+        Self { guard, estimator, pose: Pose::at(0, setup.start) }
+    }
+
+    /// Messages passed over, because no wheel or no clock can have made them.
+    pub const fn refused(&self) -> u64 {
+        self.guard.refused()
+    }
+
+    /// What became of the fixes so far; none where no filter looks at them.
+    pub fn fixes(&self) -> Option<FixCounts> {
+        match &self.estimator {
+            Estimator::Ekf(ekf) => Some(ekf.fixes()),
+            Estimator::DeadReckoning(_) | Estimator::Camera(_) => None,
         }
     }
 }
 
 impl Stateful for PoseEstimator {
     fn visit_state(&mut self, words: &mut StateWords<'_>) {
-        match self {
-            Self::DeadReckoning(estimator) => estimator.visit_state(words),
-            Self::Camera(estimator) => estimator.visit_state(words),
-            Self::Ekf(estimator) => estimator.visit_state(words),
+        self.guard.visit_state(words);
+        words.word(&mut self.pose.tick);
+        words.word(&mut self.pose.measured_tick);
+        let mut pose = self.pose.pose();
+        words.pose(&mut pose);
+        self.pose = Pose { x_m: pose.x_m, y_m: pose.y_m, theta_rad: pose.theta_rad, ..self.pose };
+        match &mut self.estimator {
+            Estimator::DeadReckoning(estimator) => estimator.visit_state(words),
+            Estimator::Camera(estimator) => estimator.visit_state(words),
+            Estimator::Ekf(estimator) => estimator.visit_state(words),
         }
     }
 }
@@ -122,12 +151,25 @@ impl Block for PoseEstimator {
     type Inputs<'a> = EstimatorInputs<'a>;
     type Output = Pose;
 
+    /// The pose of a tick. Counts that cannot be leave the pose where it was, as old as it then is; a tick
+    /// that cannot be is answered by the last pose again.
     #[inline]
     fn step(&mut self, tick: Tick, inputs: EstimatorInputs<'_>) -> Pose {
-        match self {
-            Self::DeadReckoning(estimator) => Pose::at(tick, estimator.step(tick, inputs.counts)),
-            Self::Camera(estimator) => estimator.step(tick, inputs.fixes),
-            Self::Ekf(estimator) => Pose::at(tick, estimator.step(tick, inputs.counts, inputs.fixes)),
+        match self.guard.look(tick, inputs.counts) {
+            Worth::Sound => {
+                self.pose = match &mut self.estimator {
+                    Estimator::DeadReckoning(estimator) => {
+                        Pose::at(tick, estimator.step(tick, inputs.counts))
+                    }
+                    Estimator::Camera(estimator) => estimator.step(tick, inputs.fixes),
+                    Estimator::Ekf(estimator) => {
+                        Pose::at(tick, estimator.step(tick, inputs.counts, inputs.fixes))
+                    }
+                };
+            }
+            Worth::CountsImpossible => self.pose.tick = tick,
+            Worth::TickImpossible => {}
         }
+        self.pose
     }
 }

@@ -135,7 +135,7 @@ fn parse_row(line: &str) -> Option<TraceRow> {
     let mut values = line.split(',');
     let tick = values.next()?.parse().ok()?;
     let mut number = || values.next()?.parse::<f64>().ok();
-    let row = TraceRow {
+    let mut row = TraceRow {
         tick,
         pose: WorldPose::new(number()?, number()?, number()?),
         truth: WorldPose::new(number()?, number()?, number()?),
@@ -143,8 +143,9 @@ fn parse_row(line: &str) -> Option<TraceRow> {
         omega_radps: number()?,
         cross_track_m: number()?,
         heading_error_rad: number()?,
-        waypoint: number()? as u64,
+        waypoint: 0,
     };
+    row.waypoint = values.next()?.parse().ok()?;
     values.next().is_none().then_some(row)
 }
 

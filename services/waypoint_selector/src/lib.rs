@@ -92,6 +92,7 @@ pub struct WaypointSelector {
     waypoints: Vec<Waypoint>,
     reference: Reference,
     rejected_paths: u64,
+    rejected_poses: u64,
     /// The last pose was inside the circle of the current waypoint.
     inside: bool,
     /// Where to go on once its path is there.
@@ -107,14 +108,20 @@ impl WaypointSelector {
             waypoints: Vec::with_capacity(MAX_WAYPOINTS),
             reference: Reference::ZERO,
             rejected_paths: 0,
+            rejected_poses: 0,
             inside: false,
             awaited: None,
         }
     }
 
-    /// Paths refused at the rim: too short, too long, or not finite. The old one is kept.
+    /// Paths refused at the rim: too short, too long, or of waypoints that make no sense. The old one is kept.
     pub fn rejected_paths(&self) -> u64 {
         self.rejected_paths
+    }
+
+    /// Poses that make no sense: they lead to no waypoint.
+    pub fn rejected_poses(&self) -> u64 {
+        self.rejected_poses
     }
 
     /// The path that has to come before this selector goes on where the one was whose state it loaded. Until
@@ -139,9 +146,9 @@ impl WaypointSelector {
     /// The path that is awaited is gone on with, any other begins anew.
     fn take_path(&mut self, path: NewPath<'_>) {
         let valid = (2..=MAX_WAYPOINTS).contains(&path.waypoints.len())
-            && path.waypoints.iter().all(|waypoint| waypoint.is_finite());
+            && path.waypoints.iter().all(Waypoint::makes_sense);
         if !valid {
-            self.rejected_paths += 1;
+            self.rejected_paths = self.rejected_paths.saturating_add(1);
             return;
         }
         self.waypoints.clear();
@@ -217,7 +224,9 @@ impl Block for WaypointSelector {
             self.take_path(path);
         }
         self.reference.tick = tick;
-        if self.reference.state == ReferenceState::Tracking.code() {
+        if !inputs.pose.makes_sense() {
+            self.rejected_poses = self.rejected_poses.saturating_add(1);
+        } else if self.reference.state == ReferenceState::Tracking.code() {
             let robot = inputs.pose.pose().position();
             if self.accepts(robot) {
                 let next = self.reference.index as usize + 1;

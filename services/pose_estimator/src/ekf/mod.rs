@@ -38,9 +38,6 @@ use motion::{Motion, arc};
 use nalgebra::{Matrix3, Vector3};
 use params::EkfParams;
 
-/// Farthest from the origin that a fix may be, m: the size of the earth.
-const FIX_RANGE_M: f64 = 1e7;
-
 /// What became of the fixes so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FixCounts {
@@ -48,7 +45,7 @@ pub struct FixCounts {
     pub used: u64,
     /// Out of the gate.
     pub outliers: u64,
-    /// Not finite, or off the earth.
+    /// They make no sense: not finite, or off the earth.
     pub invalid: u64,
     /// Their time of use or of the picture is still to come.
     pub early: u64,
@@ -175,8 +172,7 @@ impl Ekf {
     /// Looks at a fix; true if it has changed what is believed.
     fn take(&mut self, fix: &PoseFix) -> bool {
         let now = self.history.newest().tick;
-        let on_earth = |value: f64| value.abs() <= FIX_RANGE_M;
-        if !(on_earth(fix.x_m) && on_earth(fix.y_m) && fix.theta_rad.is_finite()) {
+        if !fix.makes_sense() {
             self.counts.invalid += 1;
             return false;
         }
