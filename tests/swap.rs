@@ -13,8 +13,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 use support::{Lab, Running, number, quick, text, whole_machine};
 
-/// Swaps in one drive.
-const SWAPS: usize = 1000;
+/// Swaps in one drive; `HILARE_SWAPS=1000` for a thousand.
+fn swaps_wanted() -> usize {
+    std::env::var("HILARE_SWAPS").ok().and_then(|number| number.parse().ok()).unwrap_or(200)
+}
+
 /// Acceleration limits of the drive, m/s² and rad/s².
 const ACCEL_MPS2: f64 = 0.5;
 const ACCEL_RADPS2: f64 = 10.0;
@@ -86,12 +89,13 @@ fn steepest(trace: &Path) -> (f64, f64) {
 }
 
 #[test]
-fn a_thousand_swaps_in_one_drive_beside_a_load() {
-    if quick("a_thousand_swaps_in_one_drive_beside_a_load") {
+fn hundreds_of_swaps_in_one_drive_beside_a_load() {
+    if quick("hundreds_of_swaps_in_one_drive_beside_a_load") {
         return;
     }
     let _machine = whole_machine();
     let lab = Lab::new();
+    let wanted = swaps_wanted();
     let robot = lab.robot();
     let path = laps(&lab, 200);
     let mut command =
@@ -109,7 +113,7 @@ fn a_thousand_swaps_in_one_drive_beside_a_load() {
         }
         let _stop = StopOnDrop(&stop);
         let deadline = Instant::now() + Duration::from_secs(900);
-        while done < SWAPS && Instant::now() < deadline {
+        while done < wanted && Instant::now() < deadline {
             let law = ["qp", "kanayama"][done % 2];
             let ended = lab.hilare(&["swap", "controller", law, "--robot", &robot]);
             match ended.code {
@@ -117,7 +121,7 @@ fn a_thousand_swaps_in_one_drive_beside_a_load() {
                 _ => drop(writeln!(refused, "{}", ended.stderr)),
             }
             // Pools and tables of the processes have their size after some.
-            if done == SWAPS / 10 && early.is_none() {
+            if done == wanted / 10 && early.is_none() {
                 early = Some(held(&lab, &robot));
             }
         }
@@ -129,8 +133,8 @@ fn a_thousand_swaps_in_one_drive_beside_a_load() {
     let summary = lab.summary(&lab.dir().join("report"));
     println!("{done} swaps, refused:\n{refused}\n{early:?}\n{late:?}\n{summary:#}");
 
-    assert_eq!(done, SWAPS, "refused: {refused}");
-    assert_eq!(number(&summary, "swaps") as usize, SWAPS);
+    assert_eq!(done, wanted, "refused: {refused}");
+    assert_eq!(number(&summary, "swaps") as usize, wanted);
     assert_eq!(number(&summary, "restarts"), 0.0);
     // A late newcomer is refused, not taken: the drive has a command in every cycle.
     assert_eq!(number(&summary, "cycles_without_command"), 0.0, "{summary}");
@@ -143,7 +147,7 @@ fn a_thousand_swaps_in_one_drive_beside_a_load() {
     assert!(late.shm_files <= early.shm_files + 16, "{early:?} {late:?}");
     assert!(late.resident_mb < early.resident_mb + 8.0, "{early:?} {late:?}");
     assert_eq!(controllers(&status), 1, "{status}");
-    lab.assert_nothing_left("a thousand swaps");
+    lab.assert_nothing_left("all the swaps");
 }
 
 fn controllers(status: &Value) -> usize {

@@ -5,6 +5,9 @@ use crossbeam_channel::{Sender, bounded};
 use iceoryx2::node::Node;
 use std::thread::{Builder, JoinHandle};
 
+/// iceoryx2 keeps whole directories of names on the stack.
+const STACK: usize = 4 << 20;
+
 /// A thread that frees what dead workers left in shared memory; it ends when this goes.
 ///
 /// It takes file operations, tens of milliseconds on a busy disk, for which the lease on the robot cannot
@@ -18,7 +21,7 @@ impl Janitor {
     /// Takes over launch's node.
     pub(super) fn start(node: Node<Ipc>) -> std::io::Result<Self> {
         let (ring, rung) = bounded(1);
-        let thread = Builder::new().name("janitor".into()).stack_size(256 << 10).spawn(move || {
+        let thread = Builder::new().name("janitor".into()).stack_size(STACK).spawn(move || {
             for () in &rung {
                 // Failures are for the next time.
                 let _ = node.try_cleanup_dead_nodes();
