@@ -261,6 +261,9 @@ impl Gate {
         let own = self.in_charge.due(tick, period);
         let spare = self.standby.due(tick, period);
         self.trial.due(tick, period);
+        if own.is_none() && spare.is_none() {
+            return;
+        }
         let armed = self.mode == Mode::Armed;
         self.late += u64::from(armed && own.is_some());
         if armed && self.misses == 0 && tick >= self.due_from {

@@ -15,6 +15,8 @@ pub struct Candidate {
     pair: Pair,
     last_seq: u64,
     pending: [Option<Command>; PENDING],
+    /// Effective tick of the earliest command that waits; most ticks have nothing to do.
+    next_due: Tick,
     /// The command whose time came last.
     taken: Option<Command>,
     /// The one before, if it was that of the cycle before.
@@ -25,7 +27,15 @@ pub struct Candidate {
 impl Candidate {
     /// Nothing heard of it yet.
     pub const fn new(pair: Pair) -> Self {
-        Self { pair, last_seq: 0, pending: [None; PENDING], taken: None, before: None, answers: 0 }
+        Self {
+            pair,
+            last_seq: 0,
+            pending: [None; PENDING],
+            next_due: Tick::MAX,
+            taken: None,
+            before: None,
+            answers: 0,
+        }
     }
 
     /// Nobody.
@@ -68,6 +78,7 @@ impl Candidate {
         if let Some(slot) = self.pending.iter_mut().min_by_key(earliest) {
             *slot = Some(*command);
         }
+        self.note_next_due();
         true
     }
 
@@ -81,8 +92,18 @@ impl Candidate {
         self.pending.iter().chain([&self.taken]).flatten()
     }
 
+    fn note_next_due(&mut self) {
+        let waiting = self.pending.iter().flatten();
+        self.next_due = waiting.map(|command| command.effective_tick).min().unwrap_or(Tick::MAX);
+    }
+
     /// Takes the newest command whose time has come at `tick`, once.
+    #[inline]
     pub fn due(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
+        if tick < self.next_due { None } else { self.take(tick, period_ticks) }
+    }
+
+    fn take(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
         let mut newest = None::<Command>;
         for slot in &mut self.pending {
             let Some(command) = slot.filter(|command| command.effective_tick <= tick) else { continue };
@@ -91,6 +112,7 @@ impl Candidate {
                 newest = Some(command);
             }
         }
+        self.note_next_due();
         let command = newest?;
         self.before =
             self.taken.filter(|taken| taken.effective_tick + period_ticks == command.effective_tick);
