@@ -110,7 +110,13 @@ fn the_control_path_is_pure() {
 fn only_the_transport_knows_iceoryx2() {
     let word = concat!("iceoryx2", "::");
     let users: Vec<PathBuf> = sources().into_iter().filter(|path| read(path).contains(word)).collect();
-    assert_eq!(users, [PathBuf::from("launch/src/shell/transport.rs")]);
+    assert!(!users.is_empty());
+    for user in users {
+        assert!(
+            user.starts_with("launch/src/shell") && user.to_string_lossy().contains("transport"),
+            "{user:?}"
+        );
+    }
 }
 
 #[test]

@@ -65,7 +65,10 @@ pub struct SwapArgs {
 }
 
 fn choose(robot: Option<&String>) -> Result<Living, Failure> {
-    let living = living_robots();
+    // A runtime directory of one's own is there to have robots of one's own.
+    let here = std::env::var_os("HILARE_RUNTIME_DIR").filter(|_| robot.is_none());
+    let mut living = living_robots();
+    living.retain(|living| here.as_ref().is_none_or(|here| living.socket.starts_with(here)));
     let names = living.iter().map(|living| living.robot.as_str()).collect::<Vec<_>>().join(", ");
     match (robot, &living[..]) {
         (Some(robot), _) => living.iter().find(|living| living.robot == *robot).cloned().ok_or_else(|| {

@@ -331,6 +331,9 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
         if let Some(why) = manager.fault().or(manager.halted()) {
             break Some(why.to_owned());
         }
+        if manager.mode() == Mode::EStop {
+            break Some("emergency stop; hilare reset releases it".to_owned());
+        }
         if manager.told_to_end() {
             break Some("interrupted".to_owned());
         }

@@ -78,6 +78,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
         log.to_file(file).map_err(|e| refused(format!("--log {}: {e}", file.display())))?;
     }
     let mut manager = Manager::start(claim, job, &log)?;
+    let arm = arm && manager.mode() != Mode::EStop;
     if arm {
         manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
     }

@@ -53,7 +53,8 @@ pub(super) fn apply_assignments<S: AsRef<str>>(
     for (place, entry) in texts.iter().chain(&others) {
         assign(system, entry).map_err(|what| ConfigError::new(place, what))?;
     }
-    let Some(conflict) = conflict::find(system) else { return Ok(()) };
+    let conflict = conflict::find(system).or_else(|| conflict::programs(system));
+    let Some(conflict) = conflict else { return Ok(()) };
     let guilty =
         texts.iter().chain(&others).rfind(|(_, entry)| conflict.involves(&entry.section, entry.name));
     Err(match guilty {

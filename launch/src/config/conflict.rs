@@ -5,7 +5,10 @@ use crate::shell::build;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::motors::Motors;
 use hilare_pose_estimator::EstimatorKind;
+use std::fs::File;
+use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 
 /// Two or more keys that contradict each other.
 pub(super) struct Conflict {
@@ -35,7 +38,6 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| fixes_too_old(system))
         .or_else(|| law_of_parameters(system))
         .or_else(|| standby_of_robot(system))
-        .or_else(|| programs(system))
 }
 
 fn reversed_limits(system: &System) -> Option<Conflict> {
@@ -134,8 +136,9 @@ fn standby_of_robot(system: &System) -> Option<Conflict> {
     Some(Conflict::new(&keys, format!("controller.standby {:?}: {key}: {error}", law.name)))
 }
 
-/// Executables must be there before anything starts.
-fn programs(system: &System) -> Option<Conflict> {
+/// Executables must be there before anything starts. Their paths are known only when it is known where the
+/// file that names them lies.
+pub(super) fn programs(system: &System) -> Option<Conflict> {
     let drivers = [("exec", Some(system.controller.driver())), ("standby", system.controller.standby())];
     drivers.into_iter().find_map(|(key, driver)| {
         let Some(Driver::Exec(program)) = driver else { return None };
@@ -143,11 +146,21 @@ fn programs(system: &System) -> Option<Conflict> {
             Err(error) => error.to_string(),
             Ok(file) if !file.is_file() => "not a file".to_owned(),
             Ok(file) if file.permissions().mode() & 0o111 == 0 => "not executable; chmod +x".to_owned(),
+            // Without either, a shell would try to make sense of it.
+            Ok(_) if !begins_like_a_program(&program) => {
+                "neither a program nor a script with a #! line".to_owned()
+            }
             Ok(_) => return None,
         };
         let what = format!("controller.{key}: {}: {wrong}", program.display());
         Some(Conflict::new(&[("controller", key)], what))
     })
+}
+
+fn begins_like_a_program(file: &Path) -> bool {
+    let mut head = [0; 4];
+    let read = File::open(file).and_then(|mut file| file.read(&mut head)).unwrap_or(0);
+    head[..read].starts_with(b"#!") || head[..read] == *b"\x7fELF"
 }
 
 /// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.

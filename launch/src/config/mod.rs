@@ -175,6 +175,9 @@ impl System {
             for program in [&mut controller.exec, &mut controller.standby] {
                 *program = maps::beside(program, path);
             }
+            if let Some(conflict) = conflict::programs(&system) {
+                return Err(ConfigError::new(name_or_path, conflict.what));
+            }
             return Ok(system);
         }
         Self::built_in(name_or_path).map_err(ConfigError::bare)

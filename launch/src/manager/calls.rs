@@ -16,6 +16,7 @@ impl Manager {
     pub(super) fn answer(&mut self, call: Call) {
         let response = match call.request {
             Request::Status => Response { status: Some(self.status()), ..Response::done("") },
+            Request::Arm if !self.up => Response::refused("the robot is still starting"),
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),
                 Err(why) => Response::refused(why),
@@ -36,13 +37,11 @@ impl Manager {
                 Response::done("emergency stop; hilare reset releases it")
             }
             Request::Reset => {
-                let was = Mode::from_code(self.authority.mode);
-                let _ = self.set_mode(Mode::Disarmed);
-                match was {
-                    Some(Mode::EStop) => {
-                        Response::done("emergency stop released; the robot is disarmed (hilare arm)")
-                    }
-                    _ => Response::done("disarmed (hilare arm)"),
+                if self.mode() == Mode::EStop {
+                    let _ = self.set_mode(Mode::Disarmed);
+                    Response::done("emergency stop released; the robot is disarmed (hilare arm)")
+                } else {
+                    Response::done("no emergency stop is on; nothing to release")
                 }
             }
             Request::Down => {

@@ -105,7 +105,8 @@ impl Manager {
     pub(super) fn hand_to_standby(&mut self, slot: usize) -> bool {
         let standby =
             self.controller(Duty::Standby).filter(|standby| self.members[*standby].running.is_some());
-        let Some(standby) = standby.filter(|_| self.members[slot].duty == Duty::Work) else { return false };
+        let drove = self.controller(Duty::Work) == Some(slot);
+        let Some(standby) = standby.filter(|_| drove) else { return false };
         self.put_in_charge(standby, Duty::Standby);
         info!("{} is in charge now", self.members[standby].name());
         true

@@ -36,11 +36,14 @@ use join::Workers;
 use member::Member;
 use robot_dir::RobotDir;
 use std::collections::VecDeque;
+use std::iter;
 use std::time::{Duration, Instant};
 use tracing::warn;
 
 /// Time between two authority messages (launch's lease) and two looks at everybody's health.
 const LEASE: Duration = Duration::from_millis(20);
+/// Messages of a wire taken in at most in one look.
+const MESSAGES_A_LOOK: usize = 64;
 /// Time workers have to open their ports.
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// Time the robot has to come to rest at the end.
@@ -272,7 +275,8 @@ impl Manager {
     }
 
     fn look(&mut self) {
-        while let Some(health) = self.ports.health.next() {
+        // Bounded: whoever floods these wires shall not cost the lease.
+        for health in iter::from_fn(|| self.ports.health.next()).take(MESSAGES_A_LOOK) {
             if let Some(member) = self.members.get_mut(health.slot as usize) {
                 let pid = member.running.as_ref().map_or(0, |running| u64::from(running.pid));
                 // The step generator's lateness is wanted after its end as well.
@@ -291,7 +295,8 @@ impl Manager {
         if let Some(reference) = self.ports.reference.last() {
             self.newest.reference = reference;
         }
-        while let Some(answer) = self.ports.answer.next() {
+        for _ in 0..MESSAGES_A_LOOK {
+            let Some(answer) = self.ports.answer.next() else { break };
             self.pass_on(&answer);
         }
     }
@@ -342,6 +347,11 @@ impl Manager {
     /// Newest state of what launch looks at.
     pub fn newest(&self) -> &Newest {
         &self.newest
+    }
+
+    /// What the operator wants.
+    pub fn mode(&self) -> Mode {
+        Mode::from_code(self.authority.mode).unwrap_or(Mode::Stop)
     }
 
     /// What keeps the robot from going on.

@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 /// Free bytes in /dev/shm below which a start is refused: a full tmpfs kills whoever touches it.
 pub const SHM_NEEDED: u64 = 32 << 20;
 
+/// End of the name of an emergency stop's mark.
+const LATCH: &str = "-estop";
 /// End of a lock's name.
 const LOCK: &str = "-lock";
 /// Most that is read of a lock: a pid and a path.
@@ -75,18 +77,21 @@ pub fn log_path(robot: &str) -> PathBuf {
     base_dir().join(format!("{robot}.log"))
 }
 
-/// Marks a robot whose emergency stop is on: it stays through every restart until it is reset.
+/// Marks a robot whose emergency stop is on: until it is reset, through every restart, wherever the runtime
+/// directory of the next launch may be.
 pub fn estop_latch(robot: &str) -> PathBuf {
-    base_dir().join(format!("{robot}.estop"))
+    Path::new(SHM).join(format!("{}{LATCH}", shm_prefix(robot).trim_end_matches('.')))
 }
 
 /// Robots whose emergency stop is on though they may not be up.
 pub fn latched_robots() -> Vec<String> {
-    let Ok(entries) = fs::read_dir(base_dir()) else { return Vec::new() };
-    let mut robots: Vec<String> = entries
-        .flatten()
-        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".estop")?.to_owned()))
-        .collect();
+    let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
+    let head = shm_prefix("");
+    let head = head.trim_end_matches('.');
+    let robot =
+        |name: &str| Some(name.strip_prefix(head)?.strip_prefix('.')?.strip_suffix(LATCH)?.to_owned());
+    let mut robots: Vec<String> =
+        entries.flatten().filter_map(|entry| robot(entry.file_name().to_str()?)).collect();
     robots.sort();
     robots
 }

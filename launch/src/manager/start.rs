@@ -43,7 +43,8 @@ impl Manager {
         }
         self.report_grants();
         self.up = true;
-        info!("{} workers at work", self.members.len());
+        let wanted = self.members.iter().filter(|member| member.duty != Duty::Vacant).count();
+        info!("{wanted} workers at work");
         Ok(())
     }
 

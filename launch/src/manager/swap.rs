@@ -10,7 +10,7 @@
 use super::control::Response;
 use super::member::Duty;
 use super::start::{SYSTEM_FILE, TRIAL_FILE};
-use super::{LEASE, Manager};
+use super::{LEASE, Manager, REST_PATIENCE};
 use crate::config::{Driver, System};
 use crate::shell::page::{Phase, SlotState};
 use crossbeam_channel::Sender;
@@ -88,6 +88,10 @@ impl Manager {
             |assignment: &'_ String| assignment.split('=').next().unwrap_or_default().trim().to_owned();
         let is_own =
             |key: &String| own.iter().any(|own| key == own || (own.ends_with('.') && key.starts_with(own)));
+        let chosen = ["controller.law", "controller.exec", "controller.standby"];
+        if let Some(key) = set.iter().map(key_of).find(|key| chosen.contains(&&**key)) {
+            return Err(format!("--set {key}: say the law itself: hilare swap controller LAW"));
+        }
         if let Some(key) = set.iter().map(key_of).find(|key| !is_own(key)) {
             return Err(format!(
                 "--set {key}: not a key of {} alone; change it with hilare down, then up",
@@ -145,6 +149,9 @@ impl Manager {
         let late = waited > Duration::from_secs_f64(self.job.system.supervision.trial_timeout_s);
         let working = self.page.state(slot) == SlotState::Working;
         if self.members[slot].role != Role::Controller {
+            if !started && waited > REST_PATIENCE {
+                self.members[slot].doom("did not leave when it was told to".to_owned());
+            }
             return match (started && working, late) {
                 (true, _) => self.end_replacement(None),
                 (_, true) => self.end_replacement(Some("it did not start in time")),
@@ -188,8 +195,15 @@ impl Manager {
 
     fn conclude_trial(&mut self, waited: Duration) {
         let Some(swap) = self.swap.take() else { return };
-        let old = self.controller(Duty::Work);
-        self.put_in_charge(swap.slot, Duty::Retiring);
+        let old = self.leaving_controller();
+        self.put_in_charge(
+            swap.slot,
+            if old == self.controller(Duty::Work) { Duty::Retiring } else { Duty::Standby },
+        );
+        if let Some(old) = old {
+            self.members[old].duty = Duty::Retiring;
+        }
+        self.send_authority();
         let old = old.map_or_else(String::new, |old| {
             self.members[old].retired = Instant::now();
             if let Some(running) = &self.members[old].running {
@@ -210,6 +224,18 @@ impl Manager {
         };
         info!("{new} is in charge instead of {old}");
         let _ = swap.reply.send(answer);
+    }
+
+    /// Who goes when a newcomer takes charge: the one in charge; but if that is the standby the robot is to
+    /// have, which has taken over meanwhile, then the one it took over from.
+    fn leaving_controller(&self) -> Option<usize> {
+        let (work, standby) = (self.controller(Duty::Work), self.controller(Duty::Standby));
+        let wanted = self.job.system.controller.standby();
+        let is_wanted = |slot: &usize| wanted.is_some() && self.members[*slot].driver == wanted;
+        match (work.filter(is_wanted), standby) {
+            (Some(_), Some(standby)) if !is_wanted(&standby) => Some(standby),
+            _ => work,
+        }
     }
 
     /// From now on successors are as in `system`.

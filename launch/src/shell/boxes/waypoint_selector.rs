@@ -38,7 +38,7 @@ impl SelectorProcess {
             reference: worker.domain.output(&wires::REFERENCE)?,
             period_ticks: worker.system.timing.period_ticks,
             waiting: None,
-            waiting_points: Vec::with_capacity(MAX_WAYPOINTS),
+            waiting_points: Vec::with_capacity(MAX_WAYPOINTS + 1),
             key,
             done,
             report: Report::default(),
@@ -55,7 +55,8 @@ impl SelectorProcess {
             }
             *waiting = Some(*header);
             points.clear();
-            points.extend_from_slice(waypoints);
+            // One more than a path may have is enough for the box to refuse it.
+            points.extend_from_slice(&waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)]);
             report.path_id = header.path_id;
         });
         took.is_some()
