@@ -174,7 +174,8 @@ pub const REFERENCE: Wire = Wire {
     to: &[wakes(Role::Controller), polls(Role::Recorder), polls(Role::Launch)],
     rate: Rate::EveryPeriod,
     buffer: 256,
-    history: 2,
+    // Answered and not remembered, not answered, and the one that came meanwhile.
+    history: 3,
     doc: "last, current and coming waypoints, index, total, speed",
 };
 
@@ -267,7 +268,8 @@ pub const POSE: Wire = Wire {
     ],
     rate: Rate::EveryTick,
     buffer: 1024,
-    history: 16,
+    // Those of as many references, and more: periods differ.
+    history: 64,
     doc: "estimated pose in the world frame",
 };
 

@@ -131,7 +131,8 @@ impl Gate {
             return;
         }
         self.lease_age = 0;
-        if authority.term >= self.term {
+        // A term that nobody can have counted to is none: the next one could not be counted.
+        if (self.term..COUNTED_MAX).contains(&authority.term) {
             self.put_in_charge(authority);
         }
         let wanted = Mode::from_code(authority.mode).unwrap_or(Mode::Stop);

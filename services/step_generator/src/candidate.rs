@@ -97,26 +97,24 @@ impl Candidate {
         self.next_due = waiting.map(|command| command.effective_tick).min().unwrap_or(Tick::MAX);
     }
 
-    /// Takes the newest command whose time has come at `tick`, once.
+    /// Takes the newest command whose time has come at `tick`, once. One of the cycle before may come together
+    /// with it: a successor answers what its predecessor may have left unanswered.
     #[inline]
     pub fn due(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
         if tick < self.next_due { None } else { self.take(tick, period_ticks) }
     }
 
     fn take(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
-        let mut newest = None::<Command>;
+        let due = self.pending.map(|slot| slot.filter(|command| command.effective_tick <= tick));
         for slot in &mut self.pending {
-            let Some(command) = slot.filter(|command| command.effective_tick <= tick) else { continue };
-            *slot = None;
-            if newest.is_none_or(|found| command.effective_tick > found.effective_tick) {
-                newest = Some(command);
-            }
+            *slot = slot.filter(|command| command.effective_tick > tick);
         }
         self.note_next_due();
-        let command = newest?;
+        let command = *due.iter().flatten().max_by_key(|command| command.effective_tick)?;
+        let taken = self.taken.replace(command);
+        let mut known = due.iter().chain([&taken]).flatten();
         self.before =
-            self.taken.filter(|taken| taken.effective_tick + period_ticks == command.effective_tick);
-        self.taken = Some(command);
+            known.find(|known| known.effective_tick + period_ticks == command.effective_tick).copied();
         Some(command)
     }
 

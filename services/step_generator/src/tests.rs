@@ -131,6 +131,26 @@ fn a_late_command_acts_when_it_comes_and_is_counted() {
 }
 
 #[test]
+fn a_controller_that_wakes_with_a_backlog_is_heard_in_the_cycle_to_come() {
+    let mut rig = Rig::new();
+    rig.mode(Mode::Armed);
+    rig.drive(4, 0.04, 0.0);
+    let mut missed = std::vec::Vec::new();
+    for _ in 0..50 {
+        missed.extend(rig.tick.is_multiple_of(5).then(|| rig.command(0.01, 0.0)));
+        rig.tick_with(&[]);
+    }
+    missed.push(rig.command(0.02, 0.0));
+    let waiting = rig.tick_with(&missed);
+    for _ in 0..4 {
+        rig.tick_with(&[]);
+    }
+    let steps = rig.tick_with(&[]);
+    assert_eq!((steps.drive, steps.commands_rejected), (Drive::Command.code(), 0));
+    assert_eq!(steps.cycles_without_command, waiting.cycles_without_command);
+}
+
+#[test]
 fn invalid_old_repeated_and_foreign_commands_are_refused_and_counted() {
     let mut rig = Rig::new();
     rig.mode(Mode::Armed);

@@ -71,6 +71,11 @@ struct Progress {
 impl Progress {
     /// What one is loaded over.
     const BLANK: Self = Self { path_id: 0, total: 2, index: 1, arrived: false, inside: false };
+
+    /// True if it is of this path.
+    fn is_on(&self, path: &NewPath<'_>) -> bool {
+        (self.path_id, self.total) == (path.header.path_id, path.waypoints.len())
+    }
 }
 
 impl Stateful for Progress {
@@ -131,6 +136,16 @@ impl WaypointSelector {
         self.awaited.map(|progress| progress.path_id)
     }
 
+    /// Takes the path it awaits, and repeats what the other selector said of it last, at `tick`: nobody may have
+    /// heard that. `None`, and nothing is taken, if it awaits no path or another one.
+    pub fn take_up(&mut self, path: NewPath<'_>, tick: Tick) -> Option<Reference> {
+        self.awaited.filter(|awaited| awaited.is_on(&path))?;
+        self.take_path(path);
+        self.reference.tick = tick;
+        // A path that is none is refused.
+        self.awaited.is_none().then_some(self.reference)
+    }
+
     fn progress(&self) -> Option<Progress> {
         let reference = &self.reference;
         let under_way = || Progress {
@@ -160,10 +175,7 @@ impl WaypointSelector {
             speed_mps: self.tracking.speed_mps,
             ..Reference::ZERO
         };
-        let same = |awaited: &Progress| {
-            (awaited.path_id, awaited.total) == (path.header.path_id, path.waypoints.len())
-        };
-        match self.awaited.take().filter(same) {
+        match self.awaited.take().filter(|awaited| awaited.is_on(&path)) {
             Some(awaited) => self.go_on(awaited),
             None => self.point_at(1),
         }

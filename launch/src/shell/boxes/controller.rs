@@ -30,6 +30,9 @@ pub struct ControllerProcess {
 /// Ticks after which the state a predecessor left is of no use to a controller any more.
 const STALE_TICKS: Tick = 100;
 
+/// References that one which comes late answers at most.
+const WAITING_MAX: usize = 3;
+
 impl ControllerProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
@@ -65,34 +68,48 @@ impl ControllerProcess {
         }
     }
 
-    /// Begins where another controller of the same law is: its predecessor, or the one it stands by.
-    fn catch_up(&mut self, worker: &mut Worker, tick: Tick) {
-        let before = tick.saturating_sub(self.period_ticks);
-        // Best: as it was before this tick. Else it is a tick ahead: this one is not answered.
-        let fits: [&dyn Fn(Tick) -> bool; 3] = [&|saved| saved == before, &|saved| saved == tick, &|saved| {
-            saved < tick && saved + STALE_TICKS > tick
-        }];
-        for wanted in fits {
-            for slot in worker.page.members(Role::Controller) {
-                match worker.recall(slot, self.key, wanted, &mut self.controller) {
-                    Ok(Some(saved)) => {
-                        self.done = Some(saved);
-                        return;
-                    }
-                    Ok(None) => {}
-                    Err(Garbled) => self.renew(worker),
-                }
+    /// Begins where another controller of the same law is: its predecessor, or the one it stands by. `first`
+    /// and `last` are the references that wait.
+    fn catch_up(&mut self, worker: &mut Worker, first: Tick, last: Tick) {
+        let period = self.period_ticks;
+        // Best: as it was before the first. Else it is some ticks ahead: those are not answered. Else it is behind.
+        let ahead = (first.saturating_sub(period)..=last).step_by(period as usize).take(WAITING_MAX + 1);
+        for wanted in ahead {
+            if self.recall(worker, |saved| saved == wanted) {
+                return;
             }
         }
-        self.done = tick.checked_sub(self.period_ticks);
+        if !self.recall(worker, |saved| saved < first && saved + STALE_TICKS > first) {
+            self.done = first.checked_sub(period);
+        }
     }
 
-    /// Whoever comes late has nothing to say of what is over: of the references that wait it answers the
-    /// last, and the one before, whose command may act now.
+    /// Takes on a state that any controller of the same law has left of a wanted tick. False if there is none.
+    fn recall(&mut self, worker: &mut Worker, wanted: impl Fn(Tick) -> bool) -> bool {
+        for slot in worker.page.members(Role::Controller) {
+            match worker.recall(slot, self.key, &wanted, &mut self.controller) {
+                Ok(Some(saved)) => {
+                    self.done = Some(saved);
+                    return true;
+                }
+                Ok(None) => {}
+                Err(Garbled) => self.renew(worker),
+            }
+        }
+        false
+    }
+
+    /// Whoever comes late has nothing to say of what is over. Of the references that wait it answers the last
+    /// three: the one whose command may act now, that after it, and that before, which a predecessor may have
+    /// answered and not remembered, and by which the step generator sees how the commands go on.
     fn begin(&mut self, worker: &mut Worker) {
-        let mut last = [None; 2];
+        let mut last = [None; WAITING_MAX];
         while let Some(next) = self.next() {
-            last = [last[1], Some(next)];
+            last = [last[1], last[2], Some(next)];
+        }
+        let mut ticks = last.iter().flatten().map(|(reference, _)| reference.tick);
+        if let Some(first) = ticks.next() {
+            self.catch_up(worker, first, ticks.next_back().unwrap_or(first));
         }
         for (reference, pose) in last.into_iter().flatten() {
             self.answer(worker, &reference, &pose);
@@ -104,9 +121,6 @@ impl ControllerProcess {
 
     /// Answers a reference with a command, once.
     fn answer(&mut self, worker: &mut Worker, reference: &Reference, pose: &Pose) {
-        if self.done.is_none() {
-            self.catch_up(worker, reference.tick);
-        }
         if !is_new(self.done, reference.tick) {
             return;
         }

@@ -1,20 +1,58 @@
 //! The pose estimator's process.
 
 use super::is_new;
+use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::pairing::{Fixes, Pairing};
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{HealthState, Pose, PoseFix, Steps, Wheels};
+use hilare_interfaces::state::{StateWords, Stateful};
 use hilare_interfaces::wires::{self, Role};
 use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
 use std::iter;
 
+/// The box, and the pose it told last: its successor tells it again, because the box may have died before
+/// anybody heard it, or those who did may be dead.
+pub struct Reckoner {
+    /// The box.
+    pub estimator: PoseEstimator,
+    /// What it told last.
+    pub last: Pose,
+}
+
+impl Reckoner {
+    /// At the system's start pose.
+    pub fn new(system: &System) -> Self {
+        Self { estimator: build::pose_estimator(system), last: Pose::ZERO }
+    }
+
+    /// One step of the box.
+    pub fn step(&mut self, tick: Tick, inputs: EstimatorInputs<'_>) -> Pose {
+        self.last = self.estimator.step(tick, inputs);
+        self.last
+    }
+}
+
+impl Stateful for Reckoner {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.estimator.visit_state(words);
+        let mut pose = self.last.pose();
+        words.word(&mut self.last.tick);
+        words.word(&mut self.last.measured_tick);
+        words.pose(&mut pose);
+        (self.last.x_m, self.last.y_m, self.last.theta_rad) = (pose.x_m, pose.y_m, pose.theta_rad);
+    }
+}
+
 /// steps, wheels, fix → pose.
 pub struct EstimatorProcess {
-    estimator: PoseEstimator,
+    reckoner: Reckoner,
+    /// What a predecessor told last is to be told again.
+    repeats: bool,
     steps: Input<Steps>,
     /// Only of a robot whose sensors it reads: then each tick waits for its wheels.
     sensors: Option<SensorInputs>,
@@ -40,7 +78,7 @@ impl EstimatorProcess {
     /// Opens its ports.
     pub fn new(worker: &mut Worker) -> Result<Self, String> {
         let key = key_of((Role::PoseEstimator, worker.system.estimator.name()));
-        let (estimator, done) = worker.resume(key, build::pose_estimator);
+        let (reckoner, done) = worker.resume(key, Reckoner::new);
         let system = &worker.system;
         let sensors = match system.reads_sensors() {
             true => Some(SensorInputs {
@@ -53,7 +91,8 @@ impl EstimatorProcess {
             false => None,
         };
         Ok(Self {
-            estimator,
+            reckoner,
+            repeats: done.is_some(),
             steps: worker.domain.input(&wires::STEPS)?,
             sensors,
             pose: worker.domain.output(&wires::POSE)?,
@@ -70,14 +109,14 @@ impl EstimatorProcess {
             // A predecessor, or that of the step generator, may have been as far.
             let steps = iter::from_fn(|| self.steps.next()).find(|steps| is_new(self.done, steps.tick))?;
             let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
-            return Some(self.estimator.step(steps.tick, inputs));
+            return Some(self.reckoner.step(steps.tick, inputs));
         };
         let done = self.done;
         let mut new_steps = || iter::from_fn(|| self.steps.next()).find(|steps| is_new(done, steps.tick));
         let (steps, wheels) = pairing.next(&mut new_steps, || wheels.next())?;
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
-        let pose = self.estimator.step(steps.tick, inputs);
+        let pose = self.reckoner.step(steps.tick, inputs);
         self.report.rejected = pairing.lost();
         Some(pose)
     }
@@ -87,6 +126,10 @@ impl Reactive for EstimatorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
         let mut period_begins = false;
+        if std::mem::take(&mut self.repeats) {
+            self.pose.send(&self.reckoner.last);
+            period_begins = self.reckoner.last.tick.is_multiple_of(self.period_ticks);
+        }
         while let Some(pose) = self.next() {
             self.pose.send(&pose);
             if self.done.is_some_and(|done| pose.tick > done + 1) {
@@ -94,7 +137,7 @@ impl Reactive for EstimatorProcess {
                 self.report.reason = "ticks were lost: the pose was reckoned across the gap";
             }
             self.done = Some(pose.tick);
-            worker.remember(self.key, pose.tick, &mut self.estimator);
+            worker.remember(self.key, pose.tick, &mut self.reckoner);
             self.report.tick = pose.tick;
             self.report.steps += 1;
             period_begins |= pose.tick.is_multiple_of(self.period_ticks);

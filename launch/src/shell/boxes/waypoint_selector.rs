@@ -23,6 +23,8 @@ pub struct SelectorProcess {
     key: u64,
     /// The tick that was answered last.
     done: Option<Tick>,
+    /// The newest pose that could not be answered for want of the path.
+    held: Option<Pose>,
     report: Report,
 }
 
@@ -41,8 +43,37 @@ impl SelectorProcess {
             waiting_points: Vec::with_capacity(MAX_WAYPOINTS + 1),
             key,
             done,
+            held: None,
             report: Report::default(),
         })
+    }
+
+    /// A successor says nothing before it has the path again: to stand still would be an order.
+    fn is_lost(&self) -> bool {
+        self.selector.awaits_path().is_some() && self.waiting.is_none()
+    }
+
+    /// The path that was awaited is there: what the predecessor said last is said again, because it may have
+    /// died before anybody heard it, or those who did may be dead.
+    fn take_up(&mut self) -> bool {
+        let (Some(header), Some(done)) = (self.waiting, self.done) else { return false };
+        let path = NewPath { header: &header, waypoints: &self.waiting_points };
+        let Some(reference) = self.selector.take_up(path, done) else { return false };
+        self.waiting = None;
+        self.reference.send(&reference);
+        true
+    }
+
+    /// Answers a pose that begins a control period.
+    fn choose(&mut self, worker: &mut Worker, pose: &Pose) {
+        let header = self.waiting.take();
+        let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
+        let reference = self.selector.step(pose.tick, SelectorInputs { pose, path });
+        self.reference.send(&reference);
+        self.done = Some(pose.tick);
+        worker.remember(self.key, pose.tick, &mut self.selector);
+        self.report.steps += 1;
+        self.report.rejected = self.selector.rejected_paths();
     }
 
     /// Copies a new path out of shared memory; it takes effect at the next control period.
@@ -66,30 +97,24 @@ impl SelectorProcess {
 impl Reactive for SelectorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = self.take_path();
-        if self.selector.awaits_path().is_some() && self.waiting.is_none() {
+        if self.is_lost() {
             // It has the path, and sleeps.
             worker.page.members(Role::Planner).for_each(|slot| worker.page.ring_slot(slot));
         }
-        let mut chosen = false;
-        while let Some(pose) = self.pose.next() {
+        let mut chosen = self.take_up();
+        let lost = self.is_lost();
+        while let Some(pose) = self.held.take_if(|_| !lost).or_else(|| self.pose.next()) {
             worked = true;
             self.report.tick = pose.tick;
             let begins_period = pose.tick.is_multiple_of(self.period_ticks);
             if !begins_period || !is_new(self.done, pose.tick) {
                 continue;
             }
-            // A successor says nothing before it has the path again: to stand still would be an order.
-            if self.selector.awaits_path().is_some() && self.waiting.is_none() {
+            if lost {
+                self.held = Some(pose);
                 continue;
             }
-            let header = self.waiting.take();
-            let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
-            let reference = self.selector.step(pose.tick, SelectorInputs { pose: &pose, path });
-            self.reference.send(&reference);
-            self.done = Some(pose.tick);
-            worker.remember(self.key, pose.tick, &mut self.selector);
-            self.report.steps += 1;
-            self.report.rejected = self.selector.rejected_paths();
+            self.choose(worker, &pose);
             chosen = true;
         }
         if chosen {

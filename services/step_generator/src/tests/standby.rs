@@ -131,6 +131,44 @@ fn several_misses_in_a_row_put_the_standby_in_charge_for_good() {
 }
 
 #[test]
+fn a_successor_that_answers_two_cycles_at_once_goes_on_without_a_trace() {
+    let commanded_next = |before: Option<f64>| {
+        let mut team = Team::new();
+        team.cycles(4, [Some(0.02), None, None]);
+        team.cycle([Some(0.03), None, None]);
+        // A process of its own in the same place; the command of the one before acts now.
+        let epoch = 99;
+        team.authority = Authority { term: 2, epoch, ..team.authority };
+        let command = |seq: u64, effective_tick: u64, vx_mps: f64| Command {
+            source: ACTIVE.0,
+            epoch,
+            seq,
+            pose_tick: effective_tick - 5,
+            effective_tick,
+            vx_mps,
+            ..Command::ZERO
+        };
+        let (now, mut commands) = (team.tick, std::vec::Vec::new());
+        commands.extend(before.map(|vx_mps| command(1, now, vx_mps)));
+        commands.push(command(2, now + 5, 0.04));
+        (0..5).for_each(|_| assert_eq!(team.tick_with(&[]).twist[0], 0.02));
+        team.tick_with(&commands).twist[0]
+    };
+    assert_eq!(commanded_next(Some(0.02)), 0.04, "it changes its own command from 0.02 to 0.04");
+    assert!(commanded_next(None) < 0.04, "nothing is known of how its commands go on");
+}
+
+#[test]
+fn a_term_out_of_this_world_is_not_taken_over() {
+    let mut team = Team::new();
+    team.cycles(4, [Some(0.02), Some(0.02), None]);
+    team.authority = Authority { term: u64::MAX, source: TRIAL.0, epoch: TRIAL.1, ..team.authority };
+    let steps = team.cycles(4, [None, Some(0.02), Some(0.04)]);
+    assert_eq!((steps.in_charge, steps.term, steps.twist[0]), (STANDBY.0, 2, 0.02));
+    assert!(team.generator.save_state(&mut [0; 64]).is_some(), "its state can be kept");
+}
+
+#[test]
 fn without_either_it_holds_and_ramps_as_with_one() {
     let mut team = Team::new();
     team.cycles(4, [Some(0.03), Some(0.03), Some(0.03)]);

@@ -1,0 +1,186 @@
+//! A real robot on its way, with a witness beside it.
+
+use super::cast::{Seen, Witness};
+use super::watch::drive;
+use crate::support::{Ended, Lab, PATIENCE, Running, number, pid_of, process, wait_until};
+use hilare_interfaces::layout::WireField;
+use hilare_interfaces::messages::{Drive as Why, Steps};
+use rustix::process::Signal;
+use serde_json::Value;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// `hilare run` under way.
+pub struct Drive<'l> {
+    /// Its laboratory.
+    pub lab: &'l Lab,
+    /// Its name.
+    pub robot: String,
+    /// Launch.
+    pub run: Running,
+    /// What is seen of every tick.
+    pub witness: Witness,
+    out: PathBuf,
+}
+
+/// What is left of a drive.
+pub struct Told {
+    /// How launch ended.
+    pub ended: Ended,
+    /// `summary.json`, if there is one.
+    pub summary: Value,
+    /// Every tick the witness saw.
+    pub seen: Vec<Seen>,
+    /// The log of all processes.
+    pub log: String,
+}
+
+impl<'l> Drive<'l> {
+    /// `hilare run JOB --set …`, in real time. Deaths by hand are no fault of a box, and a pause of a shared host
+    /// shall not stop the robot.
+    pub fn start(lab: &'l Lab, suffix: &str, job: &[&str], set: &[&str]) -> Self {
+        let robot = lab.robot_named(suffix);
+        let out = lab.dir().join(format!("report-{suffix}"));
+        let mut command = lab.command(&["run"]);
+        command.args(job).args(["--robot", &robot, "--out"]).arg(&out);
+        for key in ["supervision.restart_budget=10000", "timing.pause_stop_ticks=0"].iter().chain(set) {
+            command.args(["--set", key]);
+        }
+        let run = Running::start(command);
+        let witness = Witness::start(lab, &robot);
+        Self { lab, robot, run, witness, out }
+    }
+
+    /// The status; waits for it.
+    pub fn status(&self) -> Value {
+        self.lab.await_status(&self.robot, "a status", |_| true)
+    }
+
+    /// Waits until the controller in charge has a warm standby.
+    pub fn await_standby(&self) -> Value {
+        self.lab.await_status(&self.robot, "a warm standby", |status| {
+            let processes = status["processes"].as_array();
+            processes.is_some_and(|all| all.iter().any(|one| one["state"] == "standby"))
+        })
+    }
+
+    /// Pid of a box, or of the controller in charge.
+    pub fn pid(&self, name: &str) -> i32 {
+        let status = self.status();
+        if name != "controller" {
+            return pid_of(&status, name);
+        }
+        let processes = status["processes"].as_array().expect("processes");
+        let in_charge = processes.iter().find(|one| one["name"] == name && one["authority"] == true);
+        let pid = in_charge.and_then(|one| one["pid"].as_i64()).unwrap_or(0);
+        i32::try_from(pid).ok().filter(|pid| *pid > 1).unwrap_or_else(|| panic!("no controller: {status}"))
+    }
+
+    /// Sends a signal to a box, and returns the last tick seen before.
+    pub fn strike(&mut self, name: &str, signal: Signal) -> Steps {
+        let pid = self.pid(name);
+        let before = self.witness.newest();
+        process::signal(pid, signal);
+        before
+    }
+
+    /// Waits for a box to be back: another process, at work.
+    pub fn await_successor(&self, name: &str, restarts: u64) {
+        self.lab.await_status(&self.robot, "a successor at work", |status| {
+            let processes = status["processes"].as_array();
+            let back = |one: &Value| {
+                // A planner without a goal is ready for one.
+                let idle = if name == "planner" { "" } else { "ready" };
+                let working = ["dead", "starting", idle].iter().all(|state| one["state"] != *state);
+                one["name"] == name && number(one, "restarts") >= restarts as f64 && working
+            };
+            processes.is_some_and(|all| all.iter().any(back))
+        });
+    }
+
+    /// Waits for its end.
+    pub fn end(self, code: i32) -> Told {
+        let ended = self.run.wait(3 * PATIENCE).expect_code(code);
+        let seen = self.witness.end();
+        let read = |file: &str| std::fs::read_to_string(self.out.join(file)).unwrap_or_default();
+        let summary = serde_json::from_str(&read("summary.json")).unwrap_or(Value::Null);
+        let told = Told { ended, summary, seen, log: read("hilare.log") };
+        assert!(!told.ended.stderr.contains("panicked") && !told.log.contains("panicked"), "{}", told.log);
+        wait_until("everybody has left", || self.lab.processes().is_empty());
+        told
+    }
+}
+
+impl Told {
+    /// Why the host has spoilt this run, if it has: commands came late, or the lease ran out.
+    pub fn spoilt(&self) -> Option<String> {
+        let late = number(&self.summary, "commands_late");
+        let confesses = self.ended.stdout.contains("not expected to be the simulation's");
+        (late > 0.0 || confesses).then(|| format!("{late} commands late"))
+    }
+
+    /// Its bits are those of `simulated`.
+    #[track_caller]
+    pub fn same_bits(&self, simulated: &Value) {
+        for key in ["state_hash", "ticks", "steps", "final_pose"] {
+            assert_eq!(self.summary[key], simulated[key], "{key}: not as without the fault\n{}", self.log);
+        }
+    }
+
+    /// What a box that died left the robot without, ms each, from the log.
+    pub fn outages_ms(&self) -> Vec<f64> {
+        let of = |line: &str| {
+            let (_, rest) = line.split_once(" is back after ")?;
+            rest.strip_suffix(" ms")?.parse().ok()
+        };
+        self.log.lines().filter_map(of).collect()
+    }
+
+    /// Every tick seen after `tick`.
+    pub fn after(&self, tick: u64) -> impl Iterator<Item = &Steps> {
+        self.seen.iter().map(|seen| &seen.steps).filter(move |steps| steps.tick > tick)
+    }
+}
+
+/// The figures of a job in one thread.
+pub fn simulated(lab: &Lab, job: &[&str]) -> Value {
+    let ended = lab.hilare(&[&["run"], job, &["--clock", "in-process", "--json"]].concat()).expect_code(0);
+    serde_json::from_str(&ended.stdout).expect("JSON")
+}
+
+/// At the tick of the arrival the wheels have made the steps of a run in one thread, and no cycle was lost: what
+/// is to be said of a run that has lost its report.
+#[track_caller]
+pub fn same_steps(seen: &[Seen], simulated: &Value) {
+    let ticks = number(simulated, "ticks") as u64;
+    let last = seen.iter().find(|seen| seen.steps.tick == ticks).expect("the tick of the arrival").steps;
+    let steps = [0, 1].map(|wheel| simulated["steps"][wheel].as_i64().expect("steps"));
+    assert_eq!([last.counts[0], last.counts[1]], steps, "not the steps of a run without the fault");
+    assert_eq!(last.cycles_without_command, 0, "{last:?}");
+}
+
+/// Why the host has spoilt a run that has lost its report, if it has.
+pub fn late(seen: &[Seen]) -> Option<String> {
+    let last = seen.last().map_or(Steps::ZERO, |seen| seen.steps);
+    let held = seen.iter().any(|seen| drive(&seen.steps) == Why::LeaseLost);
+    (last.commands_late > 0 || held)
+        .then(|| format!("{} commands late, lease lost: {held}", last.commands_late))
+}
+
+/// Runs again what the host has spoilt, as the run itself measured; three times at most. The others count.
+#[track_caller]
+pub fn unless_spoilt<T>(mut run: impl FnMut(u32) -> Result<T, String>) -> T {
+    let mut why = Vec::new();
+    for attempt in 0..3 {
+        match run(attempt) {
+            Ok(result) => return result,
+            Err(spoilt) => why.push(spoilt),
+        }
+    }
+    panic!("the host has spoilt three runs: {why:?}");
+}
+
+/// Waits a while, by the wall clock: the moment of a fault, never a measure.
+pub fn sleep_ms(ms: u64) {
+    std::thread::sleep(Duration::from_millis(ms));
+}

@@ -1,0 +1,128 @@
+//! A wire into one reader, on which faults act: a queue in the place of shared memory.
+//!
+//! As on the wires of iceoryx2 a message that was sent is there even if its writer dies, a reader that is too
+//! far behind loses the oldest, and one that comes late gets the newest that its writer, if it lives, has sent.
+
+use super::message::Message;
+use super::plan::{Event, Fault, Line, Plan};
+use crate::support::random::Random;
+use hilare_interfaces::block::Tick;
+use hilare_interfaces::wires::Wire;
+use std::collections::VecDeque;
+
+/// The wire.
+pub struct Link<T> {
+    depth: usize,
+    kept: usize,
+    events: Vec<Event>,
+    random: Random,
+    /// Messages and when they are to be read, as they were sent.
+    waiting: VecDeque<(Tick, T)>,
+    /// The newest message sent before a [`Fault::Freeze`].
+    thawed: Option<T>,
+    /// The newest messages of the present writer, for a reader to come.
+    history: VecDeque<T>,
+    forged: u64,
+}
+
+impl<T: Message> Link<T> {
+    /// As deep as `wire`, with what `plan` does to `line`; `seed` decides the details.
+    pub fn new(wire: &Wire, line: Line, plan: &Plan, seed: u64) -> Self {
+        Self {
+            depth: wire.buffer,
+            kept: wire.history,
+            events: plan.at(line),
+            random: Random::of_seed(seed ^ ((line as u64 + 1) << 48)),
+            waiting: VecDeque::new(),
+            thawed: None,
+            history: VecDeque::new(),
+            forged: 0,
+        }
+    }
+
+    /// Sends a message at `now`, or what becomes of it.
+    pub fn send(&mut self, now: Tick, message: &T) {
+        if self.events.is_empty() {
+            self.keep(message);
+            return self.push(now, *message);
+        }
+        let mut sent = *message;
+        let (mut due, mut lost, mut again, mut frozen) = (now, false, None, false);
+        for n in 0..self.events.len() {
+            let event = self.events[n];
+            if !event.lasts_at(now) {
+                continue;
+            }
+            match event.fault {
+                Fault::Delay(ticks) => due += ticks,
+                Fault::Drop => lost = true,
+                Fault::Duplicate(ticks) => again = Some(ticks),
+                Fault::Corrupt(bits) => (0..bits).for_each(|_| sent.flip(self.random.word())),
+                Fault::Nan => sent.spoil(self.random.word()),
+                Fault::Overdo(times) => sent.overdo(times as f64),
+                Fault::Freeze => frozen = true,
+                Fault::Forge(forgery) => {
+                    if let Some(forged) = message.forged(forgery) {
+                        self.forged += 1;
+                        self.push(now, forged);
+                    }
+                }
+                _ => {}
+            }
+        }
+        self.keep(message);
+        if frozen {
+            sent = *self.thawed.get_or_insert(sent);
+        } else {
+            self.thawed = Some(sent);
+        }
+        if !lost {
+            self.push(due, sent);
+            if let Some(ticks) = again {
+                self.push(due + ticks, sent);
+            }
+        }
+    }
+
+    fn push(&mut self, due: Tick, message: T) {
+        if self.waiting.len() == self.depth {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back((due, message));
+    }
+
+    /// The next message that has come by `now`.
+    pub fn next(&mut self, now: Tick) -> Option<T> {
+        if self.waiting.front()?.0 <= now {
+            return self.waiting.pop_front().map(|(_, message)| message);
+        }
+        let place = self.waiting.iter().position(|(due, _)| *due <= now)?;
+        self.waiting.remove(place).map(|(_, message)| message)
+    }
+
+    fn keep(&mut self, message: &T) {
+        self.history.push_back(*message);
+        if self.history.len() > self.kept {
+            self.history.pop_front();
+        }
+    }
+
+    /// The reader was another process: with it went what waited. What is kept is there for the new one.
+    pub fn new_reader(&mut self, now: Tick) {
+        self.waiting.clear();
+        let kept = self.history.len().min(self.depth);
+        for n in self.history.len() - kept..self.history.len() {
+            self.push(now, self.history[n]);
+        }
+    }
+
+    /// The writer is another process: what the one before kept is gone with it.
+    pub fn new_writer(&mut self) {
+        self.history.clear();
+    }
+
+    /// Commands of nobody that were slipped in.
+    pub fn forged(&self) -> u64 {
+        self.forged
+    }
+}
