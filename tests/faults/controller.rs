@@ -117,7 +117,7 @@ impl Post {
             }
             let mut ticks = waiting.iter().flatten().map(|(reference, _)| reference.tick);
             if let Some(first) = ticks.next() {
-                self.catch_up(first, ticks.last().unwrap_or(first), memory);
+                self.catch_up(first, ticks.next_back().unwrap_or(first), memory);
             }
             for (reference, pose) in waiting.into_iter().flatten() {
                 self.answer(now, &reference, &pose, memory);
