@@ -101,8 +101,10 @@ fn hundreds_of_swaps_in_one_drive_beside_a_load() {
     let mut command =
         lab.command(&["run", "rectangle", "--path", &path.to_string_lossy(), "--robot", &robot]);
     command.args(["--start", "0.2,0.2,0", "--out", "report", "--set", "timing.pause_stop_ticks=0"]);
-    command.args(["--set", &format!("limits.accel_mps2={ACCEL_MPS2}")]);
-    command.args(["--set", &format!("limits.accel_radps2={ACCEL_RADPS2}")]);
+    for limit in ["accel", "stop_decel"] {
+        command.args(["--set", &format!("limits.{limit}_mps2={ACCEL_MPS2}")]);
+        command.args(["--set", &format!("limits.{limit}_radps2={ACCEL_RADPS2}")]);
+    }
     let run = Running::start(command);
     lab.await_status(&robot, "it drives", |status| number(status, "tick") > 300.0);
     let stop = AtomicBool::new(false);
