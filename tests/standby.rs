@@ -28,7 +28,7 @@ fn pid(process: &Value) -> i32 {
 
 /// One drive along the rectangle in real time with a standby of the same law; kills until it has arrived.
 fn drive_and_kill(lab: &Lab, law: &str, attempt: usize, random: &mut Random) -> (Value, usize) {
-    let robot = lab.robot_named(&format!("{law}{attempt}"));
+    let robot = lab.robot_named(&format!("n{attempt}"));
     let out = lab.dir().join(format!("{law}-{attempt}"));
     let mut command = lab.command(&["run", "rectangle", "--controller", law, "--standby", law]);
     command.args(["--robot", &robot, "--json", "--out", &out.to_string_lossy()]);
@@ -68,7 +68,7 @@ fn killed_again_and_again(test: &str, law: &str) {
     let lab = Lab::new();
     let mut random = Random::new(test, 9);
     let expected = simulated(&lab, law);
-    for attempt in 1..=3 {
+    for attempt in 1..=4 {
         let (summary, killed) = drive_and_kill(&lab, law, attempt, &mut random);
         println!("{killed} kills: {summary:#}");
         assert!(
@@ -86,7 +86,7 @@ fn killed_again_and_again(test: &str, law: &str) {
             return lab.assert_nothing_left("a drive with kills");
         }
     }
-    panic!("commands were late in three drives out of three: the machine is too busy to tell");
+    panic!("commands were late in four drives out of four: the machine is too busy to tell");
 }
 
 #[test]
@@ -94,10 +94,11 @@ fn a_hundred_kills_leave_no_trace() {
     killed_again_and_again("a_hundred_kills_leave_no_trace", "kanayama");
 }
 
-/// A law that remembers its last plan: what its successors know of it is its very bits.
+/// A law that sums up what went wrong: what its successors know of it is its very bits. (Laws that plan, too:
+/// in lockstep below, where a slow build is not late.)
 #[test]
 fn a_hundred_kills_of_a_law_with_a_memory_leave_no_trace() {
-    killed_again_and_again("a_hundred_kills_of_a_law_with_a_memory_leave_no_trace", "qp");
+    killed_again_and_again("a_hundred_kills_of_a_law_with_a_memory_leave_no_trace", "navigation-circle");
 }
 
 #[test]
