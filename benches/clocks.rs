@@ -75,9 +75,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Two runs of different length: their difference in time is that of their difference in ticks.
 fn lockstep() {
     let mut rates = Vec::new();
-    for round in 0..ROUNDS {
-        let (short_ticks, short) = run_lockstep("rectangle-open", round);
-        let (long_ticks, long) = run_lockstep("so", round);
+    for _ in 0..ROUNDS {
+        let (short_ticks, short) = run_lockstep("rectangle-open");
+        let (long_ticks, long) = run_lockstep("so");
         if long > short {
             rates.push((long_ticks - short_ticks) as f64 / (long - short).as_secs_f64());
         }
@@ -92,18 +92,17 @@ fn lockstep() {
     );
 }
 
-fn run_lockstep(scenario: &str, round: usize) -> (u64, Duration) {
-    let out = std::env::temp_dir().join(format!("hilare-bench-{}-{round}", std::process::id()));
+fn run_lockstep(scenario: &str) -> (u64, Duration) {
+    let out = tempfile::tempdir().expect("a directory for the report");
     let start = Instant::now();
     let output = Command::new(env!("CARGO_BIN_EXE_hilare"))
         .args(["run", scenario, "--clock", "lockstep", "--json", "--robot"])
         .arg(format!("bench-{}", std::process::id()))
         .arg("--out")
-        .arg(&out)
+        .arg(out.path().join("report"))
         .output()
         .expect("hilare runs");
     let time = start.elapsed();
-    let _ = std::fs::remove_dir_all(&out);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("a summary");
     (summary["ticks"].as_u64().expect("ticks"), time)

@@ -13,10 +13,10 @@ const SECONDS: u64 = 20;
 
 fn main() {
     let robot = format!("bench-{}", std::process::id());
-    let out = std::env::temp_dir().join(&robot);
+    let out = tempfile::tempdir().expect("a directory for the report");
     let mut launch = Command::new(env!("CARGO_BIN_EXE_hilare"))
         .args(["run", "so", "--json", "--robot", &robot, "--out"])
-        .arg(&out)
+        .arg(out.path().join("report"))
         .stdout(Stdio::null())
         .spawn()
         .expect("hilare runs");
@@ -56,7 +56,6 @@ fn main() {
     rustix::process::kill_process(rustix::process::Pid::from_child(&launch), rustix::process::Signal::INT)
         .expect("launch lives");
     let _ = launch.wait();
-    let _ = fs::remove_dir_all(&out);
 }
 
 fn print_row(name: &str, [cpu, rss, pss, locked]: [f64; 4]) {

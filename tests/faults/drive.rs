@@ -2,7 +2,7 @@
 
 use super::cast::{Seen, Witness};
 use super::watch::drive;
-use crate::support::{Ended, Lab, PATIENCE, Running, number, pid_of, process, wait_until};
+use crate::support::{Ended, Lab, PATIENCE, Running, comes_true, number, pid_of, process, wait_until};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;
@@ -49,6 +49,16 @@ impl<'l> Drive<'l> {
         let run = Running::start(command);
         let witness = Witness::start(lab, &robot);
         Self { lab, robot, run, witness, out }
+    }
+
+    /// Waits until a tick is over.
+    #[track_caller]
+    pub fn await_tick(&mut self, tick: u64) {
+        let come = comes_true(PATIENCE, || self.witness.newest().tick >= tick || !self.run.lives());
+        if !come || self.witness.newest().tick < tick {
+            let log = std::fs::read_to_string(self.out.join("hilare.log")).unwrap_or_default();
+            panic!("no tick {tick}, the witness is at {}:\n{log}", self.witness.newest().tick);
+        }
     }
 
     /// The status; waits for it.
@@ -119,12 +129,14 @@ impl Told {
         (late > 0.0 || confesses).then(|| format!("{late} commands late"))
     }
 
-    /// Its bits are those of `simulated`.
+    /// Its bits are those of `simulated`. Why the host has spoilt it, if they are not for that reason: a command
+    /// that came late may change them.
     #[track_caller]
-    pub fn same_bits(&self, simulated: &Value) {
-        for key in ["state_hash", "ticks", "steps", "final_pose"] {
-            assert_eq!(self.summary[key], simulated[key], "{key}: not as without the fault\n{}", self.log);
-        }
+    pub fn same_bits(self, simulated: &Value) -> Result<Self, String> {
+        let mut keys = ["state_hash", "ticks", "steps", "final_pose"].into_iter();
+        let Some(key) = keys.find(|key| self.summary[*key] != simulated[*key]) else { return Ok(self) };
+        let spoilt = self.spoilt();
+        spoilt.map_or_else(|| panic!("{key}: not as without the fault\n{}\n{}", self.summary, self.log), Err)
     }
 
     /// What a box that died left the robot without, ms each, from the log.
@@ -167,17 +179,20 @@ pub fn late(seen: &[Seen]) -> Option<String> {
         .then(|| format!("{} commands late, lease lost: {held}", last.commands_late))
 }
 
-/// Runs again what the host has spoilt, as the run itself measured; three times at most. The others count.
+/// Runs of a drive at most, if the host spoils them.
+const ATTEMPTS: u32 = 6;
+
+/// Runs again what the host has spoilt, as the run itself measured. One that it has not counts.
 #[track_caller]
 pub fn unless_spoilt<T>(mut run: impl FnMut(u32) -> Result<T, String>) -> T {
     let mut why = Vec::new();
-    for attempt in 0..3 {
+    for attempt in 0..ATTEMPTS {
         match run(attempt) {
             Ok(result) => return result,
             Err(spoilt) => why.push(spoilt),
         }
     }
-    panic!("the host has spoilt three runs: {why:?}");
+    panic!("the host has spoilt every run: {why:?}");
 }
 
 /// Waits a while, by the wall clock: the moment of a fault, never a measure.

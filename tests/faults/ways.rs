@@ -101,8 +101,8 @@ pub struct Selector {
     /// One that takes effect at the next control period.
     waiting: Option<Path>,
     done: Option<Tick>,
-    /// The newest pose that could not be answered for want of the path.
-    held: Option<Pose>,
+    /// The two newest poses that could not be answered for want of the path.
+    held: [Option<Pose>; 2],
     reference: Reference,
 }
 
@@ -119,7 +119,7 @@ impl Selector {
             path_id: 0,
             waiting: None,
             done: None,
-            held: None,
+            held: [None; 2],
             reference: Reference::ZERO,
         }
     }
@@ -130,7 +130,7 @@ impl Selector {
         let build = build::waypoint_selector;
         (self.selector, self.done) = memory.resume(Process::WaypointSelector, self.key, &self.system, build);
         (self.path, self.path_id, self.waiting) = (planner.history.clone(), 0, None);
-        self.held = None;
+        self.held = [None; 2];
         self.pose.new_reader(now);
     }
 
@@ -155,13 +155,13 @@ impl Selector {
         }
         self.take_up(&mut send);
         let lost = self.selector.awaits_path().is_some() && self.waiting.is_none();
-        while let Some(pose) = self.held.take_if(|_| !lost).or_else(|| self.pose.next(now)) {
+        while let Some(pose) = self.next(now, lost) {
             let begins_period = pose.tick.is_multiple_of(self.system.timing.period_ticks);
             if !begins_period || self.done.is_some_and(|done| pose.tick <= done) {
                 continue;
             }
             if lost {
-                self.held = Some(pose);
+                self.held = [self.held[1], Some(pose)];
                 continue;
             }
             let path = self.waiting.take();
@@ -175,6 +175,11 @@ impl Selector {
             memory.remember(Process::WaypointSelector, self.key, pose.tick, &mut self.selector);
         }
     }
+    fn next(&mut self, now: Tick, lost: bool) -> Option<Pose> {
+        let held = self.held.iter_mut().find_map(|held| held.take_if(|_| !lost));
+        held.or_else(|| self.pose.next(now))
+    }
+
     /// The awaited path is there: what the predecessor said last is said again.
     fn take_up(&mut self, send: &mut impl FnMut(&Reference)) {
         let (Some((header, waypoints)), Some(done)) = (&self.waiting, self.done) else { return };

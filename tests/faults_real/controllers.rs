@@ -22,7 +22,7 @@ fn blow(draw: &mut Draw) -> Signal {
 /// nearly over. How often.
 fn strike_on(robot: &mut Drive<'_>, draw: &mut Draw, until: u64) -> u32 {
     let mut blows = 0;
-    robot.witness.await_tick(300);
+    robot.await_tick(300);
     while robot.witness.newest().tick + 1000 < until {
         robot.await_standby();
         sleep_ms(draw.random.whole(30, 300));
@@ -49,11 +49,9 @@ fn a_standby_of_the_same_law_leaves_no_trace() {
             let with_standby = [&job[..], &["--standby", "kanayama"]].concat();
             let mut robot = Drive::start(&lab, &suffix, &with_standby, &[]);
             let blows = strike_on(&mut robot, draw, expected["ticks"].as_u64().expect("ticks"));
-            let told = robot.end(0);
-            told.spoilt().map_or(Ok((told, blows)), Err)
+            Ok((robot.end(0).same_bits(&expected)?, blows))
         });
         assert_eq!(number(&told.summary, "cycles_without_command"), 0.0, "{}", told.summary);
-        told.same_bits(&expected);
         figures.sum("{} controllers killed or stopped", f64::from(blows));
         figures.sum("{} cycles lost", number(&told.summary, "cycles_without_command"));
     });
@@ -124,7 +122,7 @@ fn alone_it_holds_and_ramps_and_is_soon_back() {
     let row = "active controller killed or stopped; no standby";
     seeds::each_real(row, 2..=10, |draw, figures| {
         let mut robot = Drive::start(&lab, &format!("l{}", draw.seed()), &job, &[]);
-        robot.witness.await_tick(300);
+        robot.await_tick(300);
         let (host, mut struck, mut worst_ms) = (HostWatch::start(), Vec::new(), Vec::new());
         for restarts in 1..=6 {
             sleep_ms(draw.random.whole(100, 400));
@@ -163,11 +161,11 @@ fn a_woken_zombie_is_not_heard() {
     let job = ["--path", &*path.to_string_lossy()];
     let expected = simulated(&lab, &job);
     seeds::each_real("stopped controller, woken when another is in charge", 1..=10, |draw, figures| {
-        let (told, ignored) = unless_spoilt(|attempt| {
+        let (told, before, heard) = unless_spoilt(|attempt| {
             let suffix = format!("z{}x{attempt}", draw.seed());
             let mut robot =
                 Drive::start(&lab, &suffix, &[&job[..], &["--standby", "kanayama"]].concat(), &[]);
-            robot.witness.await_tick(draw.random.whole(300, 4000));
+            robot.await_tick(draw.random.whole(300, 4000));
             robot.await_standby();
             let zombie = robot.pid("controller");
             let before = robot.witness.newest();
@@ -181,17 +179,14 @@ fn a_woken_zombie_is_not_heard() {
             sleep_ms(12);
             let heard = robot.witness.newest();
             robot.run.signal(Signal::CONT);
-            let told = robot.end(0);
-            let ignored = heard.commands_rejected - before.commands_rejected;
-            told.spoilt().map_or(Ok((told, (before, heard, ignored))), Err)
+            Ok((robot.end(0).same_bits(&expected)?, before, heard))
         });
-        let (before, heard, ignored) = ignored;
+        let ignored = heard.commands_rejected - before.commands_rejected;
         assert!(ignored > 0, "the zombie said nothing");
         assert_ne!((heard.in_charge, heard.epoch), (before.in_charge, before.epoch));
         let since = told.after(before.tick).skip_while(|steps| steps.promotions == before.promotions);
         let mut while_it_spoke = since.take_while(|steps| steps.tick <= heard.tick);
         assert!(while_it_spoke.all(|steps| steps.source == heard.in_charge), "the zombie drives");
-        told.same_bits(&expected);
         figures.sum("{} commands of woken zombies refused, same bits", ignored as f64);
     });
     lab.assert_nothing_left("drives with zombies");
@@ -208,16 +203,14 @@ fn liars_on_the_wire_are_not_heard() {
     seeds::all_real(&rows, 1..=10, |draw, figures| {
         let (told, lies) = unless_spoilt(|attempt| {
             let mut robot = Drive::start(&lab, &format!("n{}x{attempt}", draw.seed()), &job, &[]);
-            robot.witness.await_tick(100);
+            robot.await_tick(100);
             let liar = Beside::start(&lab, &robot.robot, Role::Liar);
-            robot.witness.await_tick(5000);
+            robot.await_tick(5000);
             let lies: f64 = liar.end().parse().expect("how many lies");
-            let told = robot.end(0);
-            told.spoilt().map_or(Ok((told, lies)), Err)
+            Ok((robot.end(0).same_bits(&expected)?, lies))
         });
         assert!(lies > 1000.0, "{lies} lies only");
         assert_eq!(number(&told.summary, "commands_rejected"), lies, "each is counted");
-        told.same_bits(&expected);
         figures.sum("{} commands of six kinds of liars refused and counted, same bits", lies);
     });
     lab.assert_nothing_left("drives beside liars");
@@ -233,7 +226,7 @@ fn a_solver_at_its_cap_says_so_and_drives_on() {
         let told = unless_spoilt(|attempt| {
             let suffix = format!("q{}x{attempt}", draw.seed());
             let mut robot = Drive::start(&lab, &suffix, &job, &["controller.qp.max_iterations=1"]);
-            robot.witness.await_tick(300);
+            robot.await_tick(300);
             let status = lab.await_status(&robot.robot, "a degraded controller", |status| {
                 let processes = status["processes"].as_array();
                 processes.is_some_and(|all| all.iter().any(|one| one["state"] == "degraded"))

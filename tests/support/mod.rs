@@ -18,11 +18,12 @@ pub use process::{Ended, Running};
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// Taken by tests that count missed cycles: beside another robot in real time they would measure that one.
 pub fn whole_machine() -> MutexGuard<'static, ()> {
@@ -36,17 +37,19 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// A directory, a runtime directory and a family of robot names of its own.
 pub struct Lab {
     name: String,
-    dir: PathBuf,
+    dir: TempDir,
 }
 
 impl Lab {
     /// A fresh one.
     pub fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        // Short: sockets have at most 107 characters. Of fixed form: no name begins another one.
-        let name = format!("t{}x{:03}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let dir = std::env::temp_dir().join(format!("hilare-{name}"));
-        fs::create_dir(&dir).expect("a directory for the test");
+        // Another user may look into it: what is refused must be so within.
+        let open = fs::Permissions::from_mode(0o755);
+        // Short: sockets have at most 107 characters. Of one length: no name begins another one.
+        let dir = tempfile::Builder::new().prefix("hilare-t").rand_bytes(8).permissions(open).tempdir();
+        let dir = dir.expect("a directory for the test");
+        let name = dir.path().file_name().expect("it has a name").to_string_lossy();
+        let name = name.trim_start_matches("hilare-").to_lowercase();
         Self { name, dir }
     }
 
@@ -62,17 +65,17 @@ impl Lab {
 
     /// Where the commands run.
     pub fn dir(&self) -> &Path {
-        &self.dir
+        self.dir.path()
     }
 
     /// Where locks and sockets are.
     pub fn runtime_dir(&self) -> PathBuf {
-        self.dir.join("rt")
+        self.dir.path().join("rt")
     }
 
     /// Writes a file and returns its path.
     pub fn file(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.dir.join(name);
+        let path = self.dir.path().join(name);
         fs::write(&path, text).expect("a file of the test");
         path
     }
@@ -86,7 +89,7 @@ impl Lab {
     pub fn command_of(&self, program: impl AsRef<std::ffi::OsStr>) -> Command {
         let mut command = Command::new(program);
         command.env("HILARE_RUNTIME_DIR", self.runtime_dir()).env_remove("HILARE_LOG");
-        command.current_dir(&self.dir).stdin(Stdio::null());
+        command.current_dir(self.dir.path()).stdin(Stdio::null());
         command
     }
 
@@ -170,7 +173,6 @@ impl Drop for Lab {
         for file in self.shm_files() {
             let _ = fs::remove_file(file);
         }
-        let _ = fs::remove_dir_all(&self.dir);
     }
 }
 

@@ -307,8 +307,8 @@ fn files_that_cannot_be_read_are_one_line() {
         System::load("nowhere/robot.toml").unwrap_err().to_string(),
         "nowhere/robot.toml: cannot be read: No such file or directory (os error 2)"
     );
-    let folder = std::env::temp_dir().join(format!("hilare-config-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let folder = scratch.path();
     let load = |name: &str, bytes: &[u8]| {
         let path = folder.join(name);
         std::fs::write(&path, bytes).unwrap();
@@ -320,5 +320,4 @@ fn files_that_cannot_be_read_are_one_line() {
         "/big.toml: larger than 1 MB; name a system or scenario file"
     );
     assert_eq!(load("latin.toml", b"# x\n# \xe9\n"), "/latin.toml:2: not UTF-8 text; save the file as UTF-8");
-    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -53,23 +53,6 @@ fn published() -> [Published; 2] {
     ]
 }
 
-/// A directory of this test alone, removed at its end.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new(name: &str) -> Self {
-        let dir = std::env::temp_dir().join(format!("hilare-report-{}-{name}", std::process::id()));
-        let _ = fs::remove_dir_all(&dir);
-        Self(dir)
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 #[test]
 fn the_summary_has_the_keys_of_the_design_in_their_order() {
     let json = summary().to_json();
@@ -93,8 +76,8 @@ fn the_summary_has_the_keys_of_the_design_in_their_order() {
 
 #[test]
 fn the_report_is_written_whole() {
-    let scratch = Scratch::new("whole");
-    let dir = scratch.0.join("deep/er");
+    let scratch = tempfile::tempdir().unwrap();
+    let dir = scratch.path().join("deep/er");
     let rows = [row(5, 0.0, 0.0)];
     let input = PlotInput { rows: &rows, ..input() };
     let written = write_report(&dir, &summary(), &input, "tick\n5\n").unwrap();
@@ -108,17 +91,16 @@ fn the_report_is_written_whole() {
 
 #[test]
 fn an_error_names_the_path_and_the_reason() {
-    let scratch = Scratch::new("error");
-    fs::create_dir_all(&scratch.0).unwrap();
-    let file = scratch.0.join("file");
+    let scratch = tempfile::tempdir().unwrap();
+    let file = scratch.path().join("file");
     fs::write(&file, "").unwrap();
     let error = write_report(&file.join("run"), &summary(), &input(), "").unwrap_err().to_string();
     assert!(error.contains(&format!("{}/run", file.display())) && error.contains("os error"), "{error}");
     // A directory stands where the file should go: the temporary one must not stay behind.
-    fs::create_dir_all(scratch.0.join("summary.json")).unwrap();
-    let error = summary().write(&scratch.0).unwrap_err().to_string();
+    fs::create_dir_all(scratch.path().join("summary.json")).unwrap();
+    let error = summary().write(scratch.path()).unwrap_err().to_string();
     assert!(error.starts_with("cannot write ") && error.lines().count() == 1, "{error}");
-    assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(scratch.path()).unwrap().count(), 2);
 }
 
 #[test]
@@ -216,8 +198,8 @@ fn row(tick: u64, x_m: f64, y_m: f64) -> TraceRow {
 
 /// Draws into a directory of its own and returns path, speed and cross-track.
 fn drawn(name: &str, input: &PlotInput<'_>) -> [String; 3] {
-    let scratch = Scratch::new(name);
-    let written = write_plots(&scratch.0, input).unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let written = write_plots(scratch.path(), input).unwrap();
     let svgs: Vec<String> = written.iter().map(|path| fs::read_to_string(path).unwrap()).collect();
     for svg in &svgs {
         assert_is_xml(svg);

@@ -8,7 +8,6 @@
 use hilare_planner::map::moving_ai::load_scenarios;
 use hilare_planner::map::{Layer, UNKNOWN, Unknown};
 use hilare_planner::{ClearanceField, LoadOptions, Map, WorldPoint};
-use std::path::PathBuf;
 
 const YAML: &str = "image: x.pgm\nresolution: 0.05\norigin: [1.0, -2.0, 0.0]\n";
 
@@ -172,7 +171,8 @@ fn moving_ai_map_and_scenarios() {
     assert_eq!(map.frame().cell_centre(3, 1), WorldPoint::new(1.75, 0.75));
     let crlf = Map::from_bytes("a.map", b"type octile\r\nheight 1\r\nwidth 2\r\nmap\r\n.@\r\n", &options);
     assert_eq!(cells(&crlf.unwrap()), [0, 100]);
-    let dir = scratch("scen");
+    let scratch = tempfile::tempdir().unwrap();
+    let dir = scratch.path();
     let file = dir.join("a.map.scen");
     std::fs::write(&file, "version 1\n0\ta b.map\t4\t2\t0\t0\t1\t0\t1.5\n").unwrap();
     let list = load_scenarios(&file).unwrap();
@@ -281,16 +281,11 @@ fn errors_name_place_cause_and_cure() {
     }
 }
 
-fn scratch(name: &str) -> PathBuf {
-    let dir = std::env::temp_dir().join(format!("hilare-planner-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&dir).unwrap();
-    dir
-}
-
 /// Image paths are followed as map_server follows them: relative to the YAML file, through `..`, absolute.
 #[test]
 fn image_paths_are_followed() {
-    let dir = scratch("paths");
+    let scratch = tempfile::tempdir().unwrap();
+    let dir = scratch.path();
     let sub = dir.join("sub");
     std::fs::create_dir_all(&sub).unwrap();
     std::fs::write(dir.join("image.pgm"), b"P5 1 1 255 \xfe").unwrap();

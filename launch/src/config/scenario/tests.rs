@@ -10,19 +10,18 @@ fn path(scenario: &Scenario) -> &[Waypoint] {
 }
 use proptest::prelude::*;
 use std::path::PathBuf;
+use tempfile::TempDir;
 
 /// A folder of files that goes with the test.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("hilare-scenario-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
     }
 
     fn write(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.0.join(name);
+        let path = self.0.path().join(name);
         std::fs::write(&path, text).unwrap();
         path
     }
@@ -35,13 +34,7 @@ impl Folder {
     fn error(&self, text: &str) -> String {
         let error = self.load("job.toml", text).map(|_| text.to_owned()).expect_err("refused").to_string();
         assert!(!error.contains('\n'), "{error}");
-        error.replace(&format!("{}/", self.0.display()), "")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        error.replace(&format!("{}/", self.0.path().display()), "")
     }
 }
 
@@ -84,7 +77,7 @@ fn the_built_in_scenarios_start_where_the_paper_starts() {
 
 #[test]
 fn a_scenario_changes_its_system() {
-    let folder = Folder::new("changes");
+    let folder = Folder::new();
     folder.write("robots.toml", "robot = \"mine\"\n[plant]\nslip_mean = 0.1\nslip_sd = 0.2\n");
     folder.write("path.csv", "x,y\n0,0\n0,2\n");
     let text = "system = \"robots.toml\"\nwaypoints_file = \"path.csv\"\n[start]\nx_m = 1\n\
@@ -102,7 +95,7 @@ fn a_scenario_changes_its_system() {
 
 #[test]
 fn another_path_starts_on_its_first_waypoint_and_has_nothing_published() {
-    let folder = Folder::new("path");
+    let folder = Folder::new();
     let file = folder.write("mine.csv", "x,y\n3,4\n5,4\n");
     let scenario = Scenario::load("rectangle").unwrap().with_path(&file).unwrap();
     assert_eq!(scenario.system.start, WorldPose::new(3.0, 4.0, 0.0));
@@ -119,7 +112,7 @@ fn another_path_starts_on_its_first_waypoint_and_has_nothing_published() {
 
 #[test]
 fn mistakes_are_one_line_with_their_place() {
-    let folder = Folder::new("mistakes");
+    let folder = Folder::new();
     folder.write("robot.toml", "\n[plant]\nslip_men = 0.1\n");
     folder.write("path.csv", "x,y\n0,0\n0,0\n");
     let cases = [
@@ -196,7 +189,7 @@ fn mistakes_are_one_line_with_their_place() {
 
 #[test]
 fn changes_are_checked_like_a_system_file() {
-    let folder = Folder::new("set");
+    let folder = Folder::new();
     let cases = [
         (
             "[set.plant]\nslip_men = 1",
@@ -219,7 +212,7 @@ fn changes_are_checked_like_a_system_file() {
 
 #[test]
 fn a_correction_says_within_what() {
-    let folder = Folder::new("correction");
+    let folder = Folder::new();
     let load =
         |lines: &str| folder.load("job.toml", &format!("system = \"epuck\"\n{PATH}[correction]\n{lines}\n"));
     let band = load("cross_track_m = 0.002\nheading_rad = 0.035").unwrap().correction;

@@ -23,8 +23,9 @@ pub struct SelectorProcess {
     key: u64,
     /// The tick that was answered last.
     done: Option<Tick>,
-    /// The newest pose that could not be answered for want of the path.
-    held: Option<Pose>,
+    /// The two newest poses that could not be answered for want of the path: the command of the one may be due
+    /// when the other is there, too.
+    held: [Option<Pose>; 2],
     report: Report,
 }
 
@@ -43,7 +44,7 @@ impl SelectorProcess {
             waiting_points: Vec::with_capacity(MAX_WAYPOINTS + 1),
             key,
             done,
-            held: None,
+            held: [None; 2],
             report: Report::default(),
         })
     }
@@ -62,6 +63,12 @@ impl SelectorProcess {
         self.waiting = None;
         self.reference.send(&reference);
         true
+    }
+
+    /// The next pose: those that were held, if they can be answered now, then those that come.
+    fn next(&mut self, lost: bool) -> Option<Pose> {
+        let held = self.held.iter_mut().find_map(|held| held.take_if(|_| !lost));
+        held.or_else(|| self.pose.next())
     }
 
     /// Answers a pose that begins a control period.
@@ -103,7 +110,7 @@ impl Reactive for SelectorProcess {
         }
         let mut chosen = self.take_up();
         let lost = self.is_lost();
-        while let Some(pose) = self.held.take_if(|_| !lost).or_else(|| self.pose.next()) {
+        while let Some(pose) = self.next(lost) {
             worked = true;
             self.report.tick = pose.tick;
             let begins_period = pose.tick.is_multiple_of(self.period_ticks);
@@ -111,7 +118,7 @@ impl Reactive for SelectorProcess {
                 continue;
             }
             if lost {
-                self.held = Some(pose);
+                self.held = [self.held[1], Some(pose)];
                 continue;
             }
             self.choose(worker, &pose);
