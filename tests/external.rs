@@ -315,6 +315,12 @@ fn a_controller_in_python_takes_over_while_driving_and_hands_back() {
     let (pid, line) = robot.in_charge();
     assert!(line.contains("kanayama.py"), "{pid}: {line}");
     robot.assert_drives_on();
+    // What the kernel has granted it is seen from outside, and is the processor at least.
+    robot.await_status("its grants are shown", |status| {
+        let all = status["processes"].as_array().expect("processes");
+        let granted = |one: &&Value| one["granted"].as_str().is_some_and(|text| text.contains("cpu:"));
+        all.iter().filter(|one| one["authority"] == true).all(|one| granted(&one))
+    });
     robot.swap(Path::new("kanayama")).expect_code(0);
     assert!(!robot.in_charge().1.contains("kanayama.py"), "{:?}", robot.in_charge());
     robot.assert_drives_on();
@@ -340,15 +346,19 @@ fn a_swap_to_a_controller_that_is_no_good_leaves_the_old_one_in_charge() {
         assert!(matches!(ended.code, Some(1 | 2)) && ended.stderr.contains(&*name), "{name}: {ended:#?}");
     }
     let no_good = [
-        script("crashes", "exit 3"),
-        script("hangs", "exec sleep 600"),
-        other,
-        altered(&lab, "late", "kanayama.py", "LOOK_S = 0.0005", "LOOK_S = 0.02"),
-        altered(&lab, "nan", "kanayama.py", "vx_mps=v,", "vx_mps=math.nan,"),
-        altered(&lab, "misdated", "kanayama.py", "pose.tick + period)", "pose.tick + period + 1)"),
+        (script("crashes", "exit 3"), "ended with code 3"),
+        (script("hangs", "exec sleep 600"), "did not answer"),
+        (other, "ended with code"),
+        (altered(&lab, "late", "kanayama.py", "LOOK_S = 0.0005", "LOOK_S = 0.02"), ""),
+        (altered(&lab, "nan", "kanayama.py", "vx_mps=v,", "vx_mps=math.nan,"), "not a finite number"),
+        (
+            altered(&lab, "misdated", "kanayama.py", "pose.tick + period)", "pose.tick + period + 1)"),
+            "effective_tick is not a multiple of the control period",
+        ),
     ];
-    for newcomer in no_good {
+    for (newcomer, why) in no_good {
         let ended = robot.swap(&newcomer);
+        assert!(ended.stderr.contains(why), "{why}: {ended:#?}");
         assert!(ended.stderr.starts_with("hilare: refused: "), "{}: {ended:#?}", newcomer.display());
         assert_eq!((ended.code, ended.complaints().len()), (Some(1), 1), "{}", newcomer.display());
         assert_eq!(robot.in_charge(), old, "after {}: {}", newcomer.display(), ended.stderr);

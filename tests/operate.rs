@@ -241,3 +241,29 @@ fn a_detached_robot_outlives_its_terminal_and_ends_on_sigterm() {
     support::wait_until("everybody is gone", || lab.processes().is_empty());
     lab.assert_nothing_left("SIGTERM");
 }
+
+/// An upgrade under a robot that is up: whoever dies is replaced by what was there before.
+#[test]
+fn a_program_that_is_replaced_drives_on_as_it_was() {
+    let lab = Lab::new();
+    let robot = lab.robot();
+    let program = lab.dir().join("hilare");
+    std::fs::copy(env!("CARGO_BIN_EXE_hilare"), &program).expect("a copy");
+    let mut command = lab.command_of(&program);
+    command.args(["up", "--robot", &robot]);
+    let launch = Running::start(command);
+    let robot = Robot { lab: &lab, name: robot };
+    let status = robot.await_status("it is up", |status| status["mode"] == "disarmed");
+    let name = std::fs::read_to_string(format!("/proc/{}/comm", pid_of(&status, "planner")));
+    assert_eq!(name.expect("a name").trim(), "hilare");
+    let other = lab.file("other", "#!/bin/sh\nexit 7\n");
+    std::fs::rename(other, &program).expect("another program in its place");
+    support::process::signal(pid_of(&status, "planner"), rustix::process::Signal::KILL);
+    robot.await_status("the planner is back", |status| {
+        let all = status["processes"].as_array().expect("processes").iter();
+        all.clone().any(|one| one["restarts"] == 1 && one["state"] == "ready")
+    });
+    robot.tell(&["down"]);
+    launch.wait(support::PATIENCE).expect_code(0);
+    lab.assert_nothing_left("a robot whose program was replaced");
+}

@@ -225,6 +225,13 @@ impl<'l> Driving<'l> {
     }
 }
 
+/// A controller that is a shell script.
+fn script(lab: &Lab, name: &str, text: &str) -> String {
+    let file = lab.file(name, format!("#!/bin/sh\n{text}\n"));
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).expect("chmod");
+    file.to_string_lossy().into_owned()
+}
+
 #[test]
 fn every_law_can_take_over_and_what_cannot_is_refused_with_the_reason() {
     let _machine = whole_machine();
@@ -236,29 +243,31 @@ fn every_law_can_take_over_and_what_cannot_is_refused_with_the_reason() {
         assert_eq!(robot.law(), law);
     }
     let before = robot.status();
+    let says_why = script(&lab, "says-why.sh", "echo no licence >&2\nexit 3");
     let wrong = [
-        (1, &["finite-step"][..], &["finite-step", "mecanum", "differential"][..]),
+        (2, &["finite-step"][..], &["finite-step", "mecanum", "differential"][..]),
         (2, &["kanayma"], &["kanayma", "did you mean", "kanayama"]),
-        (1, &["./nothing"], &["nothing", "No such file"]),
+        (2, &["./nothing"], &["nothing", "No such file"]),
         (1, &["/bin/false"], &["/bin/false", "ended with code 1", "kanayama", "stays in charge"]),
+        (1, &[&says_why], &["ended with code 3: no licence", "stays in charge"]),
         (
-            1,
+            2,
             &["/bin/cat", "--set", "supervision.trial_timeout_s=0.5"],
             &["supervision.trial_timeout_s", "not a key of"],
         ),
-        (1, &["qp", "--set", "controller.qp.horizon=-1"], &["controller.qp.horizon", "-1"]),
-        (1, &[], &["which law"]),
+        (2, &["qp", "--set", "controller.qp.horizon=-1"], &["controller.qp.horizon", "-1"]),
+        (2, &["pp.py"], &["pp.py", "./pp.py"]),
+        (2, &[], &["which law"]),
     ];
     for (code, args, hints) in wrong {
         let said = robot.refused(code, &[&["swap", "controller"], args].concat());
         assert!(hints.iter().all(|hint| said.contains(hint)), "{args:?}: {said}");
         assert_eq!(robot.law(), "kanayama");
     }
-    let hangs = lab.file("hangs.sh", "#!/bin/sh\nexec sleep 1000\n");
-    fs::set_permissions(&hangs, fs::Permissions::from_mode(0o755)).expect("chmod");
-    let said = robot.refused(1, &["swap", "controller", &hangs.to_string_lossy()]);
+    let hangs = script(&lab, "hangs.sh", "exec sleep 1000");
+    let said = robot.refused(1, &["swap", "controller", &hangs]);
     assert!(said.contains("did not answer") && said.contains("stays in charge"), "{said}");
-    let said = robot.refused(1, &["swap", "plant"]);
+    let said = robot.refused(2, &["swap", "plant"]);
     assert!(said.contains("controller, planner and waypoint_selector"), "{said}");
 
     let after = robot.await_status("the refused are gone", |status| controllers(status) == 1);
@@ -307,7 +316,7 @@ fn parameters_of_planner_and_selector_change_under_way() {
     robot.swap(&["planner", "--set", "planner.samples=64"]);
     robot.swap(&["controller", "--set", "controller.pure-pursuit.lookahead_s=0.5"]);
     assert_eq!(robot.law(), "pure-pursuit");
-    let said = robot.refused(1, &["swap", "waypoint_selector", "--set", "tracking.acceptance_radius_m=0.1"]);
+    let said = robot.refused(2, &["swap", "waypoint_selector", "--set", "tracking.acceptance_radius_m=0.1"]);
     assert!(said.contains("not a key of waypoint_selector alone") && said.contains("hilare down"), "{said}");
     let after = robot.await_status("it drives on", |status| x_m(status) > 0.06);
     assert!((number(&after, "speed_mps") - 0.02).abs() < 2e-3, "{after}");

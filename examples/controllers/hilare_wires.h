@@ -53,7 +53,7 @@
 /* step_generator -> pose_estimator, plant, recorder, launch, 1 kHz: cumulative signed counts a wheel,
  * commanded wheel speeds. Steps. */
 #define HILARE_STEPS_SERVICE "hilare/steps"
-#define HILARE_STEPS_LAYOUT "c57d309d803da130 0.1.0"
+#define HILARE_STEPS_LAYOUT "445f315d5a091eee 0.1.0"
 
 /* plant -> pose_estimator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
  * Wheels. */
@@ -125,6 +125,26 @@ enum hilare_fallback {
     HILARE_FALLBACK_OUTSIDE_VALIDITY = 5,
     /* Reference or pose make no sense, or no law can make anything of them: the command is none. */
     HILARE_FALLBACK_NO_SENSE = 6,
+};
+
+/* Why the step generator refused a command. */
+enum hilare_refusal {
+    /* None has been refused. */
+    HILARE_REFUSAL_NONE = 0,
+    /* Its source and epoch are those of no controller in charge, standing by or on trial. */
+    HILARE_REFUSAL_STRANGER = 1,
+    /* A speed or the yaw rate is not finite. */
+    HILARE_REFUSAL_NOT_FINITE = 2,
+    /* effective_tick is not a multiple of the control period. */
+    HILARE_REFUSAL_OFF_GRID = 3,
+    /* effective_tick is not one control period after pose_tick. */
+    HILARE_REFUSAL_NOT_ONE_PERIOD = 4,
+    /* effective_tick is more than two control periods ahead. */
+    HILARE_REFUSAL_TOO_FAR_AHEAD = 5,
+    /* seq is not above that of the command before. */
+    HILARE_REFUSAL_OLD_SEQ = 6,
+    /* effective_tick is not after that of the command before. */
+    HILARE_REFUSAL_OLD_TICK = 7,
 };
 
 /* Why the wheels turn as they do. */
@@ -386,6 +406,10 @@ typedef struct hilare_steps {
     /* Commands refused: invalid, of a controller that is neither in charge nor standby nor on trial,
      * old. */
     uint64_t commands_rejected;
+    /* A Refusal: why the last of them was. */
+    uint64_t refusal;
+    /* Who the last of them says it is of. */
+    uint64_t refused_source;
     /* Control cycles in which no command of their own acted. */
     uint64_t cycles_without_command;
     /* Control cycles driven by the standby's command for want of one from the controller in charge. */
@@ -400,7 +424,7 @@ typedef struct hilare_steps {
     uint64_t paused_max_ticks;
 } hilare_steps;
 
-static_assert(sizeof(hilare_steps) == 216, "laid out otherwise here");
+static_assert(sizeof(hilare_steps) == 232, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, tick) == 0, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, counts) == 8, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, wheel_speed_radps) == 40, "laid out otherwise here");
@@ -414,12 +438,14 @@ static_assert(offsetof(hilare_steps, standby_answers) == 136, "laid out otherwis
 static_assert(offsetof(hilare_steps, trial_answers) == 144, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, commands_late) == 152, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, commands_rejected) == 160, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, cycles_without_command) == 168, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, commands_borrowed) == 176, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, promotions) == 184, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, ticks_late) == 192, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, paused_ticks) == 200, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, paused_max_ticks) == 208, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, refusal) == 168, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, refused_source) == 176, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, cycles_without_command) == 184, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, commands_borrowed) == 192, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, promotions) == 200, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, ticks_late) == 208, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, paused_ticks) == 216, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, paused_max_ticks) == 224, "laid out otherwise here");
 
 #define HILARE_WHEELS_NAME "hilare/Wheels/v1"
 

@@ -67,6 +67,27 @@ class Fallback(enum.IntEnum):
     NO_SENSE = 6
 
 
+class Refusal(enum.IntEnum):
+    """Why the step generator refused a command."""
+
+    # None has been refused.
+    NONE = 0
+    # Its source and epoch are those of no controller in charge, standing by or on trial.
+    STRANGER = 1
+    # A speed or the yaw rate is not finite.
+    NOT_FINITE = 2
+    # effective_tick is not a multiple of the control period.
+    OFF_GRID = 3
+    # effective_tick is not one control period after pose_tick.
+    NOT_ONE_PERIOD = 4
+    # effective_tick is more than two control periods ahead.
+    TOO_FAR_AHEAD = 5
+    # seq is not above that of the command before.
+    OLD_SEQ = 6
+    # effective_tick is not after that of the command before.
+    OLD_TICK = 7
+
+
 class Drive(enum.IntEnum):
     """Why the wheels turn as they do."""
 
@@ -397,6 +418,10 @@ class Steps(ctypes.Structure):
         # Commands refused: invalid, of a controller that is neither in charge nor standby nor on trial,
         # old.
         ("commands_rejected", ctypes.c_uint64),
+        # A Refusal: why the last of them was.
+        ("refusal", ctypes.c_uint64),
+        # Who the last of them says it is of.
+        ("refused_source", ctypes.c_uint64),
         # Control cycles in which no command of their own acted.
         ("cycles_without_command", ctypes.c_uint64),
         # Control cycles driven by the standby's command for want of one from the controller in charge.
@@ -419,7 +444,7 @@ class Steps(ctypes.Structure):
 
 _check(
     Steps,
-    216,
+    232,
     tick=0,
     counts=8,
     wheel_speed_radps=40,
@@ -433,12 +458,14 @@ _check(
     trial_answers=144,
     commands_late=152,
     commands_rejected=160,
-    cycles_without_command=168,
-    commands_borrowed=176,
-    promotions=184,
-    ticks_late=192,
-    paused_ticks=200,
-    paused_max_ticks=208,
+    refusal=168,
+    refused_source=176,
+    cycles_without_command=184,
+    commands_borrowed=192,
+    promotions=200,
+    ticks_late=208,
+    paused_ticks=216,
+    paused_max_ticks=224,
 )
 
 
@@ -680,7 +707,7 @@ AUTHORITY = Wire("hilare/authority", Authority, None, "5fe1e47848fda10e 0.1.0")
 
 # step_generator -> pose_estimator, plant, recorder, launch, 1 kHz: cumulative signed counts a wheel,
 # commanded wheel speeds. Steps.
-STEPS = Wire("hilare/steps", Steps, None, "c57d309d803da130 0.1.0")
+STEPS = Wire("hilare/steps", Steps, None, "445f315d5a091eee 0.1.0")
 
 # plant -> pose_estimator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
 # Wheels.

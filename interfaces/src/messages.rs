@@ -13,7 +13,9 @@ use crate::wire_message;
 mod codes;
 pub mod sense;
 
-pub use codes::{CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState};
+pub use codes::{
+    CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState, Refusal,
+};
 
 /// Coming waypoints a [`Reference`] carries beyond the current one.
 pub const PREVIEW: usize = 32;
@@ -182,6 +184,10 @@ wire_message! {
         commands_late: u64,
         /// Commands refused: invalid, of a controller that is neither in charge nor standby nor on trial, old.
         commands_rejected: u64,
+        /// A [`Refusal`]: why the last of them was.
+        refusal: u64,
+        /// Who the last of them says it is of.
+        refused_source: u64,
         /// Control cycles in which no command of their own acted.
         cycles_without_command: u64,
         /// Control cycles driven by the standby's command for want of one from the controller in charge.

@@ -1,7 +1,10 @@
 //! Log lines of all processes: `seconds LEVEL process: message`, seconds on CLOCK_MONOTONIC, which
 //! all processes of a machine share, so that merged lines sort.
 
-use indicatif::ProgressBar;
+mod outlet;
+
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use outlet::Outlet;
 use rustix::time::{ClockId, clock_gettime};
 use std::fmt;
 use std::fs::File;
@@ -84,8 +87,10 @@ fn max_level() -> Level {
 pub struct LogSink(Arc<Mutex<Sink>>);
 
 struct Sink {
-    file: Option<File>,
-    terminal: Level,
+    file: Option<Outlet>,
+    terminal: Outlet,
+    /// Lines of this level and above are for the terminal.
+    shown: Level,
     bar: Option<ProgressBar>,
     /// What each worker has said of late.
     talk: Vec<Talk>,
@@ -115,9 +120,10 @@ impl Talk {
 }
 
 impl LogSink {
-    /// Lines of `terminal` and above are shown on standard error.
-    pub fn new(terminal: Level) -> Self {
-        Self(Arc::new(Mutex::new(Sink { file: None, terminal, bar: None, talk: Vec::new() })))
+    /// Lines of `shown` and above are shown on standard error.
+    pub fn new(shown: Level) -> io::Result<Self> {
+        let terminal = Outlet::new(io::stderr())?;
+        Ok(Self(Arc::new(Mutex::new(Sink { file: None, terminal, shown, bar: None, talk: Vec::new() }))))
     }
 
     fn with<R>(&self, act: impl FnOnce(&mut Sink) -> R) -> R {
@@ -126,9 +132,25 @@ impl LogSink {
 
     /// From now on every line also goes to this file.
     pub fn to_file(&self, path: &Path) -> io::Result<()> {
-        let file = File::create(path)?;
+        let file = Outlet::new(File::create(path)?)?;
         self.with(|sink| sink.file = Some(file));
         Ok(())
+    }
+
+    /// Where a progress bar is to be drawn.
+    pub fn draw_target(&self) -> ProgressDrawTarget {
+        self.with(|sink| sink.terminal.draw_target())
+    }
+
+    /// Whatever is said until this goes is written then.
+    pub fn written_at_end(&self) -> WrittenAtEnd<'_> {
+        WrittenAtEnd(self)
+    }
+
+    /// Waits until what was said is written; not for ever.
+    pub fn flush(&self) {
+        let (file, terminal) = self.with(|sink| (sink.file.clone(), sink.terminal.clone()));
+        file.iter().chain([&terminal]).for_each(Outlet::flush);
     }
 
     /// From now on lines appear above this progress bar; `None` when it is gone.
@@ -158,17 +180,14 @@ impl LogSink {
 
     fn line(&self, level: Level, line: &str) {
         self.with(|sink| {
-            if let Some(file) = &mut sink.file {
-                // A full disk costs the log, not the drive.
-                let _ = writeln!(file, "{line}");
+            if let Some(file) = &sink.file {
+                file.line(line);
             }
             // Levels order by verbosity.
-            if level <= sink.terminal {
+            if level <= sink.shown {
                 match &sink.bar {
                     Some(bar) if !bar.is_hidden() => bar.println(line),
-                    _ => {
-                        let _ = writeln!(io::stderr(), "{line}");
-                    }
+                    _ => sink.terminal.line(line),
                 }
             }
         });
@@ -190,6 +209,15 @@ fn level_of(line: &str) -> Option<Level> {
     let mut words = line.split_whitespace();
     words.next()?.parse::<f64>().ok()?;
     words.next()?.parse().ok()
+}
+
+/// Sees to it that all is written when it goes.
+pub struct WrittenAtEnd<'a>(&'a LogSink);
+
+impl Drop for WrittenAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.flush();
+    }
 }
 
 /// One event on its way into the sink.

@@ -8,6 +8,7 @@ use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::path::PathBuf;
+use std::process::Command;
 use std::time::Duration;
 
 /// `hilare run` under way.
@@ -39,6 +40,17 @@ impl<'l> Drive<'l> {
     /// `hilare run JOB --set …`, in real time. Deaths by hand are no fault of a box, and a pause of a shared host
     /// shall not stop the robot.
     pub fn start(lab: &'l Lab, suffix: &str, job: &[&str], set: &[&str]) -> Self {
+        Self::start_as(lab, suffix, job, set, Running::start)
+    }
+
+    /// The same, started by `start`, which may redirect its output.
+    pub fn start_as(
+        lab: &'l Lab,
+        suffix: &str,
+        job: &[&str],
+        set: &[&str],
+        start: impl FnOnce(Command) -> Running,
+    ) -> Self {
         let robot = lab.robot_named(suffix);
         let out = lab.dir().join(format!("report-{suffix}"));
         let mut command = lab.command(&["run"]);
@@ -46,7 +58,7 @@ impl<'l> Drive<'l> {
         for key in ["supervision.restart_budget=10000", "timing.pause_stop_ticks=0"].iter().chain(set) {
             command.args(["--set", key]);
         }
-        let run = Running::start(command);
+        let run = start(command);
         let witness = Witness::start(lab, &robot);
         Self { lab, robot, run, witness, out }
     }

@@ -87,6 +87,7 @@ pub const ROWS: &[Row] = &[
         "whole run",
     ),
     row("disk full", "no effect on the tick; the report is refused", "0 ticks, same bits"),
+    row("terminal stopped", "no effect on the tick", "0 ticks, same bits"),
     row("stdout closed", "no effect on the tick", "0 ticks, same bits"),
     row("wall clock put back and forth by hours", "no effect", "0 ticks, same bits"),
     row(

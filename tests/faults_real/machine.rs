@@ -7,11 +7,13 @@ use crate::faults::host::{JumpingClock, fill_disk, has, may_mount, own_disk, own
 use crate::faults::seeds;
 use crate::support::random::Random;
 use crate::support::{Ended, Lab, PATIENCE, Running, process, skip, wait_until, whole_machine};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::fs;
+use std::io::{PipeReader, PipeWriter, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// Neither a pause nor deaths by hand are what is tested.
@@ -181,6 +183,45 @@ fn nobody_needs_to_read_what_is_printed() {
         figures.sum("{} runs with the same bits and a whole report", 1.0);
     });
     lab.assert_nothing_left("runs that nobody listens to");
+}
+
+/// Ctrl-S in the terminal, a pager that waits: whoever renews the lease does not wait for it.
+#[test]
+fn a_terminal_that_stands_still_stops_no_robot() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let path = corners(&lab);
+    let job = ["--path", &*path];
+    let expected = simulated(&lab, &job);
+    seeds::each_real("terminal stopped", 1..=10, |draw, figures| {
+        unless_spoilt(|attempt| {
+            let suffix = format!("t{}x{attempt}", draw.seed());
+            let (_nobody_reads, full) = full_pipe();
+            let mut robot = Drive::start_as(&lab, &suffix, &job, &[], |mut command| {
+                command.stdout(Stdio::null()).stderr(full);
+                Running::start_as_is(command)
+            });
+            // Every death is a line for the terminal.
+            for restarts in 1..=3 {
+                robot.await_tick(300 * restarts);
+                robot.strike("planner", Signal::KILL);
+                robot.await_successor("planner", restarts);
+            }
+            robot.end(0).same_bits(&expected)
+        });
+        figures.sum("{} lines nobody took, same bits", 3.0);
+    });
+    lab.assert_nothing_left("drives in front of a terminal that stood still");
+}
+
+/// A pipe with no room left, and its other end.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = std::io::pipe().expect("a pipe");
+    let flags = fcntl_getfl(&writer).expect("flags");
+    fcntl_setfl(&writer, flags | OFlags::NONBLOCK).expect("flags");
+    while writer.write(b".").is_ok() {}
+    fcntl_setfl(&writer, flags).expect("flags");
+    (reader, writer)
 }
 
 #[test]

@@ -23,8 +23,15 @@ pub struct CodeTable {
 }
 
 /// Every enum whose codes stand in a message.
-pub const CODES: &[CodeTable] =
-    &[GoalKind::TABLE, ReferenceState::TABLE, Mode::TABLE, Fallback::TABLE, Drive::TABLE, HealthState::TABLE];
+pub const CODES: &[CodeTable] = &[
+    GoalKind::TABLE,
+    ReferenceState::TABLE,
+    Mode::TABLE,
+    Fallback::TABLE,
+    Refusal::TABLE,
+    Drive::TABLE,
+    HealthState::TABLE,
+];
 
 /// Declares an enum with its wire code and a checked decode.
 macro_rules! code_enum {
@@ -116,6 +123,28 @@ code_enum! {
         OutsideValidity = 5, "deviation outside the law's validity: best bounded plan used";
         /// Reference or pose make no sense, or no law can make anything of them: the command is none.
         NoSense = 6, "reference or pose make no sense: no command";
+    }
+}
+
+code_enum! {
+    /// Why the step generator refused a command.
+    Refusal {
+        /// None has been refused.
+        None = 0, "none was refused";
+        /// Its source and epoch are those of no controller in charge, standing by or on trial.
+        Stranger = 1, "source and epoch are of no controller that is wanted";
+        /// A speed or the yaw rate is not finite.
+        NotFinite = 2, "a speed or the yaw rate is not a finite number";
+        /// `effective_tick` is not a multiple of the control period.
+        OffGrid = 3, "effective_tick is not a multiple of the control period";
+        /// `effective_tick` is not one control period after `pose_tick`.
+        NotOnePeriod = 4, "effective_tick is not pose_tick plus the control period";
+        /// `effective_tick` is more than two control periods ahead.
+        TooFarAhead = 5, "effective_tick is more than two control periods ahead";
+        /// `seq` is not above that of the command before.
+        OldSeq = 6, "seq is not above that of the command before";
+        /// `effective_tick` is not after that of the command before.
+        OldTick = 7, "effective_tick is not after that of the command before";
     }
 }
 

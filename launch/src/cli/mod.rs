@@ -17,6 +17,7 @@ mod systemd;
 mod up;
 
 use crate::manager::Failure;
+use crate::manager::children::name_this_process;
 use clap::{CommandFactory, Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -139,6 +140,7 @@ enum Verb {
 
 /// Parses the command line, runs the verb, answers with its exit code.
 pub fn main() -> ExitCode {
+    name_this_process();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
@@ -175,6 +177,7 @@ pub fn main() -> ExitCode {
         let (message, code) = match failure {
             Failure::Refused(message) => (message, 2),
             Failure::Fault(message) => (message, 1),
+            Failure::Interrupted => ("interrupted while starting".to_owned(), 1),
         };
         let _ = writeln!(io::stderr(), "hilare: {message}");
         ExitCode::from(code)

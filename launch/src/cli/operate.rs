@@ -104,7 +104,8 @@ fn show(response: &Response, json: bool) -> VerbResult {
     }
     match (response.ok, json) {
         (true, _) => Ok(ExitCode::SUCCESS),
-        (false, true) => Ok(ExitCode::from(1)),
+        (false, true) => Ok(ExitCode::from(if response.wrong_use { 2 } else { 1 })),
+        (false, false) if response.wrong_use => Err(refused(&response.message)),
         (false, false) => Err(Failure::Fault(format!("refused: {}", response.message))),
     }
 }

@@ -13,7 +13,7 @@ use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::messages::{GoalKind, Mode, Waypoint};
 use hilare_planner::{Map, Unlimited, check_crab};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
@@ -120,8 +120,9 @@ fn discard(out: &Path) {
 }
 
 fn run_into(out: &Path, args: &RunArgs, drive: &Drive<'_>) -> VerbResult {
-    let log = LogSink::new(Level::WARN);
+    let log = LogSink::new(Level::WARN).map_err(refused)?;
     logging::init_launch(&log);
+    let _written = log.written_at_end();
     let failed = |e: io::Error| refused(format!("{}: {e}", out.display()));
     log.to_file(&out.join(LOG_FILE)).map_err(failed)?;
     fs::write(out.join(SYSTEM_FILE), drive.scenario.system.to_toml()).map_err(failed)?;
@@ -317,7 +318,7 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
         record: true,
         workers: crate::manager::join::Workers::Own,
     };
-    let bar = progress_bar(args, scenario, drive.waypoints.len());
+    let bar = progress_bar(args, scenario, drive.waypoints.len(), log);
     log.around(Some(bar.clone()));
     let claim = Claim::new(&scenario.system.robot)?;
     let mut manager = Manager::start(claim, job, log)?;
@@ -344,6 +345,8 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
     bar.finish_and_clear();
     log.around(None);
     let outcome = manager.end();
+    // The verdict comes below what led to it.
+    log.flush();
     let fault = outcome.fault.is_some() || outcome.handover.is_none();
     let (rows, trace_csv) = match outcome.trace_csv {
         Some(csv) => (hilare_recorder::trace::parse_csv(&csv).map_err(Failure::Fault)?, csv),
@@ -362,11 +365,11 @@ fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSi
     })
 }
 
-fn progress_bar(args: &RunArgs, scenario: &Scenario, waypoints: usize) -> ProgressBar {
+fn progress_bar(args: &RunArgs, scenario: &Scenario, waypoints: usize, log: &LogSink) -> ProgressBar {
     if args.json || !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(Some(waypoints as u64 - 1), ProgressDrawTarget::stderr());
+    let bar = ProgressBar::with_draw_target(Some(waypoints as u64 - 1), log.draw_target());
     let style = ProgressStyle::with_template("{prefix} [{bar:30}] waypoint {pos}/{len}  {msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
     bar.set_prefix(format!("{} ({})", scenario.name, args.clock));

@@ -4,6 +4,7 @@ use super::{VerbResult, refused};
 use crate::config::System;
 use crate::logging;
 use crate::manager::Failure;
+use crate::manager::children::this_program;
 use crate::manager::join::{Watch, find_place};
 use crate::private::PrivateUmask;
 use crate::shell::ClockKind;
@@ -106,8 +107,9 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
     match ended {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(why) => {
+            // Its standard error is the log: once is enough.
             error!("{why}");
-            Err(Failure::Fault(why))
+            Ok(ExitCode::FAILURE)
         }
     }
 }
@@ -119,15 +121,10 @@ fn become_worker(role: Role, robot: &str) -> Failure {
         Ok(place) => place,
         Err(failure) => return failure,
     };
-    let fault = |error: std::io::Error| Failure::Fault(format!("cannot become {}: {error}", role.name()));
-    match std::env::current_exe() {
-        Ok(program) => {
-            let mut command = Command::new(program);
-            command.arg("service").arg(role.name()).args(&place.arguments).arg("--joined");
-            fault(command.env(PAGE_FD, place.page.as_raw_fd().to_string()).exec())
-        }
-        Err(error) => fault(error),
-    }
+    let mut command = this_program();
+    command.arg("service").arg(role.name()).args(&place.arguments).arg("--joined");
+    let error = command.env(PAGE_FD, place.page.as_raw_fd().to_string()).exec();
+    Failure::Fault(format!("cannot become {}: {error}", role.name()))
 }
 
 /// Hosts a box whose process launch has not started. That launch is gone is an error: whoever started it

@@ -4,6 +4,7 @@ use super::run::{set_flag, set_with_drivers};
 use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
+use crate::manager::children::this_program;
 use crate::manager::control::{Request, ask};
 use crate::manager::join::Workers;
 use crate::manager::robot_dir::{log_path, socket_path};
@@ -14,7 +15,7 @@ use hilare_interfaces::messages::Mode;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{ExitCode, Stdio};
 use std::time::{Duration, Instant};
 use tracing::{Level, error, info};
 
@@ -65,8 +66,9 @@ pub fn up(args: &UpArgs) -> VerbResult {
     if args.detach {
         return detach(args, &system.robot);
     }
-    let log = LogSink::new(Level::INFO);
+    let log = LogSink::new(Level::INFO).map_err(refused)?;
     logging::init_launch(&log);
+    let _written = log.written_at_end();
     // Nobody watches a robot in the background: its reasons must be somewhere.
     let file = args.log.clone().or_else(|| args.background.then(|| log_path(&system.robot)));
     let arm = system.supervision.arm_on_start;
@@ -77,7 +79,13 @@ pub fn up(args: &UpArgs) -> VerbResult {
     if let Some(file) = &file {
         log.to_file(file).map_err(|e| refused(format!("--log {}: {e}", file.display())))?;
     }
-    let mut manager = Manager::start(claim, job, &log)?;
+    let mut manager = match Manager::start(claim, job, &log) {
+        Err(Failure::Interrupted) => {
+            info!("{robot} was told to end before it was up");
+            return Ok(ExitCode::SUCCESS);
+        }
+        started => started?,
+    };
     let arm = arm && manager.mode() != Mode::EStop;
     if arm {
         manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
@@ -104,7 +112,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
 /// Starts the same command in a session of its own and waits until the robot answers.
 fn detach(args: &UpArgs, robot: &str) -> VerbResult {
     let fault = |e: std::io::Error| Failure::Fault(format!("cannot start launch: {e}"));
-    let mut command = Command::new(std::env::current_exe().map_err(fault)?);
+    let mut command = this_program();
     command.arg("up").arg(&args.system);
     for (flag, values) in [
         ("--set", &args.set[..]),
@@ -142,8 +150,13 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
             let text = if args.json {
                 format!("{}\n", serde_json::to_string_pretty(&status).unwrap_or_default())
             } else {
-                let next = "next: hilare arm, hilare follow FILE.csv";
-                format!("{robot} is up, launch has pid {}, log {}; {next}\n", child.id(), log.display())
+                let (pid, log) = (child.id(), log.display());
+                let robot_flag =
+                    args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {robot}"));
+                format!(
+                    "{robot} is up, launch has pid {pid}, log {log}; next: hilare arm{robot_flag}, \
+                     hilare follow FILE.csv{robot_flag}\n"
+                )
             };
             print(&text);
             return Ok(ExitCode::SUCCESS);

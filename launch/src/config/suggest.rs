@@ -4,7 +4,7 @@ use super::System;
 use super::assign::split_key;
 use super::error::{clipped, quoted};
 use super::keys::{Form, Key, Section, join, keys};
-use super::texts::TextSpec;
+use super::texts::{LAW, TextSpec};
 
 /// Names at least this alike (1 the same, 0 nothing in common) are worth a question.
 const ALIKE: f64 = 0.5;
@@ -133,6 +133,13 @@ pub(super) fn unknown_in_no_section(prefix: &str, path: &str, name: &str) -> Str
 
 /// About a text that is none of the choices.
 pub(super) fn unknown_choice(spec: &TextSpec, text: &str) -> String {
+    if spec.name == LAW.name && text.contains('.') {
+        return format!(
+            "unknown law {}; a program is named with its folder: {}",
+            quoted(text),
+            quoted(&format!("./{text}"))
+        );
+    }
     format!("unknown {} {}{}", spec.name, quoted(text), choices(text, "known", &(spec.choices)()))
 }
 

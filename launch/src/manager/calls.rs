@@ -7,7 +7,7 @@ use super::{Manager, Newest, PendingGoal};
 use crossbeam_channel::Sender;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Drive, GoalHeader, GoalKind, Mode, ReferenceState, Waypoint, field_text,
+    Answer, Drive, GoalHeader, GoalKind, Mode, ReferenceState, Refusal, Waypoint, field_text,
 };
 use hilare_interfaces::wires::{self, Role};
 use std::time::Instant;
@@ -130,6 +130,10 @@ impl Manager {
             omega_radps: twist.omega_radps,
             commands_late: steps.commands_late,
             commands_rejected: steps.commands_rejected,
+            last_refusal: (steps.refusal != Refusal::None.code()).then(|| {
+                let why = Refusal::from_code(steps.refusal).map_or("unknown", Refusal::label);
+                format!("the last one, of source {}: {why}", steps.refused_source)
+            }),
             cycles_without_command: steps.cycles_without_command,
             paused_ticks: steps.paused_ticks,
             fault: self.fault.clone().or_else(|| self.halted.clone()),

@@ -5,20 +5,26 @@ use super::join::Peer;
 use crate::logging::LogSink;
 use crate::shell::page::{PAGE_FD, SharedPage};
 use crate::shell::realtime::set_fifo;
-use crossbeam_channel::Sender;
+use crossbeam_channel::{Receiver, Sender, bounded};
 use hilare_interfaces::wires::Role;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::thread::set_name;
+use std::ffi::CString;
 use std::io::{self, BufRead, BufReader, Read, pipe};
 use std::os::fd::OwnedFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Stack of the small watching threads.
 pub(super) const STACK: usize = 128 << 10;
 /// Priority of a thread that waits for a death: just above launch's loop, which it wakes.
 const WATCH_PRIORITY: u64 = super::LAUNCH_PRIORITY + 1;
+/// Longest wait for the last line of one that is gone. Far shorter than the lease that launch renews.
+const LAST_WORDS_PATIENCE: Duration = Duration::from_millis(20);
+const PROGRAM_NAME: &str = env!("CARGO_PKG_NAME");
 /// Longest line taken from a worker; more is cut.
 const MAX_LINE: u64 = 64 << 10;
 
@@ -27,11 +33,9 @@ pub struct Running {
     /// Process id.
     pub pid: u32,
     pidfd: Arc<OwnedFd>,
-    last_words: LastWords,
+    /// Empty for one whose standard error goes elsewhere.
+    last_words: Option<Receiver<String>>,
 }
-
-/// The last line a worker wrote to its standard error.
-type LastWords = Arc<Mutex<String>>;
 
 impl Running {
     /// Sends a signal; to this very process, even if its number was used again.
@@ -39,9 +43,11 @@ impl Running {
         let _ = pidfd_send_signal(&*self.pidfd, signal);
     }
 
-    /// The last line it wrote to its standard error; empty for none.
+    /// The last line that a process that is gone wrote to its standard error; empty for none. Waits a moment
+    /// for it: the end is known at once, the line may be on its way.
     pub fn last_words(&self) -> String {
-        self.last_words.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let words = self.last_words.as_ref();
+        words.and_then(|words| words.recv_timeout(LAST_WORDS_PATIENCE).ok()).unwrap_or_default()
     }
 }
 
@@ -61,12 +67,27 @@ pub struct Start<'a> {
     pub realtime: bool,
 }
 
+/// A command that runs this very binary, even if another one lies in its place by now: that may have other
+/// wires.
+pub(crate) fn this_program() -> Command {
+    let mut command = Command::new("/proc/self/exe");
+    command.arg0(std::env::args_os().next().unwrap_or_else(|| PROGRAM_NAME.into()));
+    command
+}
+
+/// Gives the process the name it would have if it had been started by its path.
+pub(crate) fn name_this_process() {
+    if let Ok(name) = CString::new(PROGRAM_NAME) {
+        let _ = set_name(&name);
+    }
+}
+
 /// Starts a worker. Its end comes as [`Event::Died`], its standard error goes to the log, its
 /// standard output comes as [`Event::Output`].
 ///
 /// From the thread that calls it: workers die with this thread (PDEATHSIG).
 pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
-    let mut command = Command::new(std::env::current_exe()?);
+    let mut command = this_program();
     command
         .arg("service")
         .arg(what.role.name())
@@ -89,15 +110,16 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
     let raw = Pid::from_child(&child);
     let pidfd = Arc::new(pidfd_open(raw, PidfdFlags::empty())?);
     let threads = || std::thread::Builder::new().stack_size(STACK);
-    let last_words = LastWords::default();
-    let (sink, name, last) = (log.clone(), what.role.name(), Arc::clone(&last_words));
+    let (sink, name, (last, last_words)) = (log.clone(), what.role.name(), bounded(1));
     threads().spawn(move || {
+        let mut newest = String::new();
         for_each_line(errors, |line| {
             sink.worker_line(name, line);
             if !line.trim().is_empty() {
-                line.clone_into(&mut last.lock().unwrap_or_else(PoisonError::into_inner));
+                line.clone_into(&mut newest);
             }
         });
+        let _ = last.send(newest);
     })?;
     let output = child.stdout.take();
     // Nobody reads what others print; a flood of it must not fill launch's memory.
@@ -120,7 +142,7 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
         let how = describe(child.wait().ok(), kills_before);
         let _ = events.send(Event::Died { slot, incarnation, how });
     })?;
-    Ok(Running { pid, pidfd, last_words })
+    Ok(Running { pid, pidfd, last_words: Some(last_words) })
 }
 
 fn for_each_line(from: impl Read, mut act: impl FnMut(&str)) {
@@ -160,7 +182,7 @@ pub(super) fn adopt(
         wait(&watched);
         let _ = events.send(Event::Died { slot, incarnation, how: "is gone".to_owned() });
     })?;
-    Ok(Running { pid, pidfd, last_words: LastWords::default() })
+    Ok(Running { pid, pidfd, last_words: None })
 }
 
 /// Times the kernel has killed for want of memory since it was booted.

@@ -80,17 +80,26 @@ pub struct Response {
     /// Not done now, but it is worth asking again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub later: bool,
+    /// Not done, and never will be: what is asked for makes no sense here.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub wrong_use: bool,
 }
 
 impl Response {
     /// Done.
     pub fn done(message: impl Into<String>) -> Self {
-        Self { ok: true, message: message.into(), status: None, place: None, later: false }
+        let message = message.into();
+        Self { ok: true, message, status: None, place: None, later: false, wrong_use: false }
     }
 
     /// Not done, and why.
     pub fn refused(message: impl Into<String>) -> Self {
         Self { ok: false, ..Self::done(message) }
+    }
+
+    /// Not to be done, and why.
+    pub fn wrong_use(message: impl Into<String>) -> Self {
+        Self { wrong_use: true, ..Self::refused(message) }
     }
 
     /// Not done yet, and why.

@@ -4,9 +4,10 @@ use super::children::Running;
 use super::status::ProcessStatus;
 use crate::config::Driver;
 use crate::shell::page::SlotState;
+use crate::shell::realtime::{self, Granted};
 use hilare_interfaces::messages::{Health, HealthState, field_text};
 use hilare_interfaces::wires::Role;
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -175,8 +176,22 @@ impl Member {
             reason: if self.running.is_none() { self.last_end.clone() } else { text },
             restarts: self.restarts,
             authority: self.role == Role::Controller && self.duty == Duty::Work,
-            granted: self.health.map_or(String::new(), |health| granted(&health)),
+            granted: self.granted().map_or(String::new(), |granted| granted_text(&granted)),
         }
+    }
+
+    /// What the kernel has granted it: as it says itself, or, of a program that is not ours, as the kernel does.
+    fn granted(&self) -> Option<Granted> {
+        if self.is_foreign() {
+            let pid = self.running.as_ref().and_then(|running| Pid::from_raw(running.pid.cast_signed()))?;
+            return Some(realtime::granted(Some(pid)));
+        }
+        self.health.map(|health| Granted {
+            fifo: health.granted_fifo == 1,
+            priority: health.granted_priority,
+            cpu: health.granted_cpu.checked_sub(1),
+            mlock: health.granted_mlock == 1,
+        })
     }
 
     /// True for a program that is not ours.
@@ -185,16 +200,9 @@ impl Member {
     }
 }
 
-fn granted(health: &Health) -> String {
-    let mut granted = Vec::new();
-    if health.granted_fifo == 1 {
-        granted.push(format!("fifo:{}", health.granted_priority));
-    }
-    if health.granted_cpu > 0 {
-        granted.push(format!("cpu:{}", health.granted_cpu - 1));
-    }
-    if health.granted_mlock == 1 {
-        granted.push("mlock".to_owned());
-    }
-    granted.join(" ")
+fn granted_text(granted: &Granted) -> String {
+    let fifo = granted.fifo.then(|| format!("fifo:{}", granted.priority));
+    let cpu = granted.cpu.map(|cpu| format!("cpu:{cpu}"));
+    let mlock = granted.mlock.then(|| "mlock".to_owned());
+    [fifo, cpu, mlock].into_iter().flatten().collect::<Vec<_>>().join(" ")
 }

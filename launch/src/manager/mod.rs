@@ -117,6 +117,8 @@ pub enum Failure {
     Refused(String),
     /// Something broke (exit code 1).
     Fault(String),
+    /// Told to end before it was up.
+    Interrupted,
 }
 
 /// Launch's own ports.

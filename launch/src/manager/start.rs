@@ -128,8 +128,8 @@ impl Manager {
             if let Some(fault) = self.fault.take() {
                 return Err(Failure::Fault(fault));
             }
-            if self.interrupted || self.down {
-                return Err(Failure::Fault("interrupted while starting".to_owned()));
+            if self.told_to_end() {
+                return Err(Failure::Interrupted);
             }
             if Instant::now() > deadline {
                 let name = self.members[missing].role.name();
@@ -158,7 +158,10 @@ impl Manager {
             if let Some(refused) = answer.try_recv().ok().filter(|answer| !answer.ok) {
                 return Err(Failure::Fault(format!("the planner: {}", refused.message)));
             }
-            if self.interrupted || Instant::now() > deadline {
+            if self.told_to_end() {
+                return Err(Failure::Interrupted);
+            }
+            if Instant::now() > deadline {
                 return Err(Failure::Fault("the path did not reach the waypoint selector".to_owned()));
             }
         }

@@ -37,6 +37,8 @@ pub struct Status {
     pub commands_late: u64,
     /// Commands refused.
     pub commands_rejected: u64,
+    /// Why the last of them was, if any was.
+    pub last_refusal: Option<String>,
     /// Control cycles without a command.
     pub cycles_without_command: u64,
     /// Whole ticks the clock lost to pauses.
@@ -107,6 +109,9 @@ impl Status {
             self.cycles_without_command,
             self.paused_ticks,
         ));
+        if let Some(why) = &self.last_refusal {
+            text.push_str(&format!("  refused   {why}\n"));
+        }
         text.push_str(&format!(
             "  {:<26}{:>8}  {:<10}{:>9}  {}\n",
             "process", "pid", "state", "restarts", "granted"

@@ -1,5 +1,6 @@
 //! When a worker dies or hangs: start it again, or stop the robot and say why.
 
+use super::children::Running;
 use super::member::Duty;
 use super::{LEASE, LEAVE_PATIENCE, Manager};
 use crate::shell::page::{Phase, SlotState, monotonic_ns};
@@ -18,7 +19,7 @@ impl Manager {
         }
         self.page.set_state(slot, SlotState::Empty);
         self.members[slot].missed_since_ns = Some(monotonic_ns());
-        let last_words = self.members[slot].running.take().map(|running| running.last_words());
+        let gone = self.members[slot].running.take();
         let doom = self.members[slot].doom.take();
         let how = &*doom.unwrap_or_else(|| how.to_owned());
         how.clone_into(&mut self.members[slot].last_end);
@@ -27,22 +28,22 @@ impl Manager {
         }
         // First of all the robot has a driver again, then there is a successor; then comes the tidying up.
         let handed_over = self.hand_to_standby(slot);
-        self.succeed(slot, how, &last_words.unwrap_or_default(), handed_over);
+        self.succeed(slot, how, gone.as_ref(), handed_over);
         self.janitor.call();
     }
 
     /// What becomes of the place of a dead worker.
-    fn succeed(&mut self, slot: usize, how: &str, last_words: &str, handed_over: bool) {
+    fn succeed(&mut self, slot: usize, how: &str, gone: Option<&Running>, handed_over: bool) {
         if self.page.phase() != Phase::Go {
             return self.give_up(slot, how);
         }
-        if self.replaced(slot, how) {
+        if self.replaced(slot, how, gone) {
             return;
         }
         match (self.members[slot].role, self.members[slot].duty) {
             (_, Duty::Retiring) => self.vacate(slot),
             (_, Duty::Vacant) => {}
-            (_, Duty::Trial) => self.trial_died(slot, how, last_words),
+            (_, Duty::Trial) => self.trial_died(slot, how, gone),
             (Role::Recorder, _) => error!("recorder {how}: the run goes on, its figures are lost"),
             // A simulated robot that is gone is no robot.
             (Role::Plant | Role::Launch, _) => self.give_up(slot, how),
@@ -169,7 +170,8 @@ impl Manager {
                     member.doom("did not leave".to_owned());
                 }
             } else if judged && silent > patience {
-                member.doom(format!("gave no sign of life for {patience_s} s"));
+                let missed = if foreign { "had no valid command" } else { "gave no sign of life" };
+                member.doom(format!("{missed} for {patience_s} s"));
                 member.seen();
             }
         }

@@ -7,6 +7,7 @@
 //!                                     └─ dies or does not start ─▶ refused; one with the old parameters comes back
 //! ```
 
+use super::children::Running;
 use super::control::Response;
 use super::member::Duty;
 use super::start::{SYSTEM_FILE, TRIAL_FILE};
@@ -14,6 +15,7 @@ use super::{LEASE, Manager, REST_PATIENCE};
 use crate::config::{Driver, System};
 use crate::shell::page::{Phase, SlotState};
 use crossbeam_channel::Sender;
+use hilare_interfaces::messages::Refusal;
 use hilare_interfaces::wires::Role;
 use rustix::process::Signal;
 use std::time::{Duration, Instant};
@@ -48,13 +50,28 @@ impl Manager {
         set: &[String],
         reply: &Sender<Response>,
     ) {
-        let begun = self.prepare_swap(role, driver, set).and_then(|(role, system)| match role {
+        let (role, system) = match self.prepare_swap(role, driver, set) {
+            Ok(prepared) => prepared,
+            Err(why) => return drop(reply.send(Response::wrong_use(why))),
+        };
+        let begun = self.may_swap().and_then(|()| match role {
             Role::Controller => self.begin_trial(system, driver.is_some() && set.is_empty(), reply),
             _ => self.begin_replacement(role, system, reply),
         });
         if let Err(why) = begun {
             let _ = reply.send(Response::refused(why));
         }
+    }
+
+    /// Nothing stands in the way of a swap now.
+    fn may_swap(&self) -> Result<(), String> {
+        if self.swap.is_some() {
+            return Err("another swap is under way".to_owned());
+        }
+        if !self.up || self.page.phase() != Phase::Go {
+            return Err("the robot is still starting".to_owned());
+        }
+        Ok(())
     }
 
     /// Which box, and the system with what is asked for.
@@ -69,12 +86,6 @@ impl Manager {
         let Some((role, own)) = own else {
             return Err("only controller, planner and waypoint_selector can be swapped".to_owned());
         };
-        if self.swap.is_some() {
-            return Err("another swap is under way".to_owned());
-        }
-        if !self.up || self.page.phase() != Phase::Go {
-            return Err("the robot is still starting".to_owned());
-        }
         match (role, driver) {
             (Role::Controller, None) if set.is_empty() => {
                 return Err("say which law: hilare swap controller LAW".to_owned());
@@ -174,18 +185,18 @@ impl Manager {
     fn why_late(&self, slot: usize) -> String {
         let supervision = &self.job.system.supervision;
         let within = supervision.trial_timeout_s;
-        let refused = self.newest.steps.commands_rejected
-            - self
-                .swap
-                .as_ref()
-                .map_or(0, |swap| swap.rejected_before)
-                .min(self.newest.steps.commands_rejected);
+        let steps = &self.newest.steps;
+        let before = self.swap.as_ref().map_or(0, |swap| swap.rejected_before);
+        let refused = steps.commands_rejected.saturating_sub(before);
+        let last = Refusal::from_code(steps.refusal).map_or("unknown", Refusal::label);
         match self.page.state(slot) {
             SlotState::Empty if !self.members[slot].is_foreign() => {
                 format!("it did not open its wires within {within} s")
             }
             SlotState::Ready => format!("it did not begin to work within {within} s"),
-            _ if refused > 0 => format!("{refused} of its commands were invalid or not for their tick"),
+            _ if refused > 0 && steps.refused_source == slot as u64 + 1 => {
+                format!("{refused} of its commands were refused, the last one because {last}")
+            }
             _ => format!(
                 "it did not answer {} cycles in a row in time within {within} s",
                 supervision.trial_cycles
@@ -246,10 +257,8 @@ impl Manager {
     }
 
     /// The newcomer on trial has died.
-    pub(super) fn trial_died(&mut self, slot: usize, how: &str, last_words: &str) {
-        // Its own log line, without time and level.
-        let words = last_words.split_once("controller: ").map_or(last_words, |(_, words)| words);
-        self.end_trial(&if words.is_empty() { how.to_owned() } else { format!("{how}: {words}") });
+    pub(super) fn trial_died(&mut self, slot: usize, how: &str, gone: Option<&Running>) {
+        self.end_trial(&with_last_words(how, Role::Controller, gone));
         self.vacate(slot);
     }
 
@@ -302,11 +311,12 @@ impl Manager {
     }
 
     /// A box that is being replaced has ended: true if that was wanted.
-    pub(super) fn replaced(&mut self, slot: usize, how: &str) -> bool {
+    pub(super) fn replaced(&mut self, slot: usize, how: &str, gone: Option<&Running>) -> bool {
         let is_box = self.members[slot].role != Role::Controller;
         let Some(swap) = self.swap.as_mut().filter(|swap| is_box && swap.slot == slot) else { return false };
         if std::mem::replace(&mut swap.started, true) {
-            self.end_replacement(Some(how));
+            let how = with_last_words(how, self.members[slot].role, gone);
+            self.end_replacement(Some(&how));
         } else if let Err(why) = self.spawn(slot) {
             self.end_replacement(Some(&why));
         }
@@ -318,7 +328,7 @@ impl Manager {
         let name = self.members[swap.slot].role.name();
         let Some(why) = failure else {
             self.swaps += 1;
-            let _ = swap.reply.send(Response::done(format!("{name} works with the new parameters")));
+            let _ = swap.reply.send(Response::done(format!("{name}: another one is at work")));
             return;
         };
         self.job.system = swap.other;
@@ -343,4 +353,12 @@ impl Manager {
             .and_then(|()| std::fs::rename(&new, &file))
             .map_err(|error| format!("{}: {error}", file.display()))
     }
+}
+
+/// How a process has ended, and the last line it wrote.
+fn with_last_words(how: &str, role: Role, gone: Option<&Running>) -> String {
+    let line = gone.map(Running::last_words).unwrap_or_default();
+    // Its own log line, without time and level.
+    let words = line.split_once(&format!("{}: ", role.name())).map_or(&*line, |(_, words)| words);
+    if words.is_empty() { how.to_owned() } else { format!("{how}: {words}") }
 }

@@ -97,7 +97,11 @@ pub fn another_cpu(choice: CpuChoice) -> Option<usize> {
 
 /// The one processor the calling thread is bound to.
 pub fn bound_cpu() -> Option<u64> {
-    let set = sched_getaffinity(None).ok().filter(|set| set.count() == 1)?;
+    bound_cpu_of(None)
+}
+
+fn bound_cpu_of(pid: Option<Pid>) -> Option<u64> {
+    let set = sched_getaffinity(pid).ok().filter(|set| set.count() == 1)?;
     (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
 }
 
@@ -126,14 +130,17 @@ pub fn release() {
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER, &parameters) };
 }
 
-/// Reads back what the calling thread has.
-pub fn granted() -> Granted {
+/// Reads back what the calling thread has, or another process.
+pub fn granted(pid: Option<Pid>) -> Granted {
+    let id = pid.map_or(0, Pid::as_raw_pid);
     // SAFETY: no arguments but a thread id, 0 for the calling one.
-    let policy = unsafe { libc::sched_getscheduler(0) } & !libc::SCHED_RESET_ON_FORK;
+    let policy = unsafe { libc::sched_getscheduler(id) };
+    let fifo = policy >= 0 && policy & !libc::SCHED_RESET_ON_FORK == libc::SCHED_FIFO;
     let mut parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: the kernel fills the struct it is given.
-    unsafe { libc::sched_getparam(0, &mut parameters) };
-    let locked = std::fs::read_to_string("/proc/self/status").is_ok_and(|status| {
+    unsafe { libc::sched_getparam(id, &mut parameters) };
+    let of = pid.map_or("self".to_owned(), |pid| pid.to_string());
+    let locked = std::fs::read_to_string(format!("/proc/{of}/status")).is_ok_and(|status| {
         status
             .lines()
             .find_map(|line| line.strip_prefix("VmLck:"))
@@ -141,9 +148,9 @@ pub fn granted() -> Granted {
             .is_some_and(|kib| kib > 0)
     });
     Granted {
-        fifo: policy == libc::SCHED_FIFO,
+        fifo,
         priority: u64::try_from(parameters.sched_priority).unwrap_or(0),
-        cpu: bound_cpu(),
+        cpu: bound_cpu_of(pid),
         mlock: locked,
     }
 }

@@ -202,7 +202,7 @@ impl Worker {
             cpu: CpuChoice::from_key(self.assignment.cpu),
             lock_memory: on_the_tick,
         });
-        self.granted = realtime::granted();
+        self.granted = realtime::granted(None);
         if on_the_tick && !self.granted.fifo {
             self.refusal = "best effort: SCHED_FIFO was refused";
         }

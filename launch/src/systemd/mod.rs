@@ -202,6 +202,8 @@ impl Wanted {
 
     /// Files the processes read.
     fn files(&self) -> Vec<&std::path::Path> {
-        [self.program.as_path(), self.source.as_ref(), self.system.map.as_ref()].to_vec()
+        let controller = &self.system.controller;
+        let texts = [&self.source, &self.system.map, &controller.exec, &controller.standby];
+        std::iter::once(&*self.program).chain(texts.map(|text| text.as_ref())).collect()
     }
 }

@@ -42,7 +42,8 @@ const WALLS: [(&str, &str); 14] = [
     ("SystemCallFilter", "~@privileged @keyring"),
 ];
 
-/// Writes the sandbox of a unit. `files` are those it must be able to read: program, system file, map.
+/// Writes the sandbox of a unit. `files` are those it must be able to read: program, system file, map,
+/// controllers that are programs of their own.
 pub(super) fn write(unit: &mut Unit, user_unit: bool, files: &[&Path]) {
     unit.why("The sandbox. Real-time scheduling and shared memory of the same user must stay possible.");
     unit.set("RestrictRealtime", "no");

@@ -18,7 +18,7 @@ use crate::candidate::{Candidate, Pair};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
-use hilare_interfaces::messages::{Authority, Command, Drive, Mode, Steps};
+use hilare_interfaces::messages::{Authority, Command, Drive, Mode, Refusal, Steps};
 use hilare_interfaces::param_group;
 use hilare_interfaces::state::{StateWords, Stateful};
 
@@ -89,6 +89,8 @@ pub struct Gate {
     pause_stop: bool,
     late: u64,
     rejected: u64,
+    refusal: Refusal,
+    refused_source: u64,
     without: u64,
     borrowed: u64,
     promotions: u64,
@@ -115,6 +117,8 @@ impl Gate {
             pause_stop: false,
             late: 0,
             rejected: 0,
+            refusal: Refusal::None,
+            refused_source: 0,
             without: 0,
             borrowed: 0,
             promotions: 0,
@@ -177,10 +181,16 @@ impl Gate {
     pub fn offer(&mut self, tick: Tick, command: &Command) {
         let writer =
             [&mut self.in_charge, &mut self.standby, &mut self.trial].into_iter().find(|c| c.wrote(command));
-        let sound = on_the_grid(tick, self.params.period_ticks, command) && command.twist().is_some();
-        let dismissed = writer.is_none() && (command.source, command.epoch) == self.dismissed;
-        if !(dismissed || writer.is_some_and(|writer| sound && writer.keep(command))) {
+        let taken = match writer {
+            Some(writer) => {
+                sound(tick, self.params.period_ticks, command).and_then(|()| writer.keep(command))
+            }
+            None if (command.source, command.epoch) == self.dismissed => Ok(()),
+            None => Err(Refusal::Stranger),
+        };
+        if let Err(why) = taken {
             self.rejected += 1;
+            (self.refusal, self.refused_source) = (why, command.source);
         }
     }
 
@@ -344,13 +354,15 @@ impl Gate {
         state.trial_answers = self.trial.answers();
         state.commands_late = self.late;
         state.commands_rejected = self.rejected;
+        (state.refusal, state.refused_source) = (self.refusal.code(), self.refused_source);
         state.cycles_without_command = self.without;
         state.commands_borrowed = self.borrowed;
         state.promotions = self.promotions;
     }
 }
 
-/// Counters and the term; who is in charge and the mode come from launch.
+/// Counters and the term; who is in charge and the mode come from launch. Why the last command was refused is
+/// of this process alone.
 impl Stateful for Gate {
     fn visit_state(&mut self, words: &mut StateWords<'_>) {
         let counters = [
@@ -365,10 +377,14 @@ impl Stateful for Gate {
     }
 }
 
-/// True if a command is for the beginning of a control cycle, computed one period before it, and that
-/// cycle is at most two periods away.
-fn on_the_grid(tick: Tick, period: u64, command: &Command) -> bool {
-    command.effective_tick.is_multiple_of(period)
-        && command.effective_tick == command.pose_tick.saturating_add(period)
-        && command.effective_tick <= tick.saturating_add(2 * period)
+/// A command is finite, and for the beginning of a control cycle that is at most two periods away, computed
+/// one period before it.
+fn sound(tick: Tick, period: u64, command: &Command) -> Result<(), Refusal> {
+    let refused = [
+        (command.twist().is_none(), Refusal::NotFinite),
+        (!command.effective_tick.is_multiple_of(period), Refusal::OffGrid),
+        (command.effective_tick != command.pose_tick.saturating_add(period), Refusal::NotOnePeriod),
+        (command.effective_tick > tick.saturating_add(2 * period), Refusal::TooFarAhead),
+    ];
+    refused.into_iter().find(|(is_so, _)| *is_so).map_or(Ok(()), |(_, why)| Err(why))
 }

@@ -1,7 +1,7 @@
 //! A controller whose commands are taken in: in charge, standby or on trial.
 
 use hilare_interfaces::block::Tick;
-use hilare_interfaces::messages::Command;
+use hilare_interfaces::messages::{Command, Refusal};
 
 /// Commands of one controller that can wait for their tick.
 const PENDING: usize = 4;
@@ -66,12 +66,14 @@ impl Candidate {
         self.before
     }
 
-    /// Keeps a command until its tick; without room that for the earliest tick goes. False if it is old.
-    pub fn keep(&mut self, command: &Command) -> bool {
-        let fresh = command.seq > self.last_seq;
+    /// Keeps a command until its tick; without room that for the earliest tick goes. Refuses an old one.
+    pub fn keep(&mut self, command: &Command) -> Result<(), Refusal> {
+        if command.seq <= self.last_seq {
+            return Err(Refusal::OldSeq);
+        }
         let newest = self.known().map(|known| known.effective_tick).max();
-        if !fresh || newest.is_some_and(|newest| command.effective_tick <= newest) {
-            return false;
+        if newest.is_some_and(|newest| command.effective_tick <= newest) {
+            return Err(Refusal::OldTick);
         }
         self.last_seq = command.seq;
         let earliest = |slot: &&mut Option<Command>| slot.map_or(0, |command| command.effective_tick);
@@ -79,7 +81,7 @@ impl Candidate {
             *slot = Some(*command);
         }
         self.note_next_due();
-        true
+        Ok(())
     }
 
     /// True if the lockstep clock has to wait for its command of `tick`: it is not there, and may come.

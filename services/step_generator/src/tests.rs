@@ -4,10 +4,11 @@ mod standby;
 
 use super::*;
 use hilare_interfaces::chassis::DifferentialParams;
-use hilare_interfaces::messages::Mode;
+use hilare_interfaces::messages::{Mode, Refusal};
 use hilare_interfaces::motors::StepperParams;
 use proptest::prelude::*;
 
+#[derive(Clone)]
 struct Rig {
     generator: StepGenerator,
     tick: Tick,
@@ -156,19 +157,29 @@ fn invalid_old_repeated_and_foreign_commands_are_refused_and_counted() {
     rig.mode(Mode::Armed);
     rig.drive(4, 0.04, 0.0);
     let good = rig.command(0.01, 0.0);
+    let for_tick = |pose_tick, effective_tick| Command { pose_tick, effective_tick, ..good };
+    let (pose, effective) = (good.pose_tick, good.effective_tick);
     let bad = [
-        Command { vx_mps: f64::NAN, ..good },
-        Command { omega_radps: f64::INFINITY, ..good },
-        Command { source: 2, ..good },
-        Command { epoch: 0, ..good },
-        Command { epoch: 7, ..good },
-        Command { seq: 1, ..good },
-        Command { effective_tick: good.effective_tick + 1, ..good },
-        Command { effective_tick: good.effective_tick + 50, pose_tick: good.pose_tick + 50, ..good },
-        Command { effective_tick: u64::MAX, pose_tick: u64::MAX, ..good },
-        Command { effective_tick: 5, pose_tick: 0, ..good },
+        (Command { vx_mps: f64::NAN, ..good }, Refusal::NotFinite),
+        (Command { omega_radps: f64::INFINITY, ..good }, Refusal::NotFinite),
+        (Command { source: 2, ..good }, Refusal::Stranger),
+        (Command { epoch: 0, ..good }, Refusal::Stranger),
+        (Command { epoch: 7, ..good }, Refusal::Stranger),
+        (Command { seq: 1, ..good }, Refusal::OldSeq),
+        (for_tick(pose, effective + 1), Refusal::OffGrid),
+        (for_tick(pose, effective + 5), Refusal::NotOnePeriod),
+        (for_tick(pose + 50, effective + 50), Refusal::TooFarAhead),
+        (for_tick(u64::MAX, u64::MAX), Refusal::TooFarAhead),
+        (for_tick(0, 5), Refusal::OldTick),
     ];
-    let steps = rig.tick_with(&bad);
+    // In one tick each is refused for the reason it would be refused for alone: `good` has not come yet.
+    for (count, (command, why)) in bad.iter().enumerate() {
+        let mut alone = rig.clone();
+        let steps = alone.tick_with(&[*command]);
+        assert_eq!(Refusal::from_code(steps.refusal), Some(*why), "command {count}: {command:?}");
+        assert_eq!((steps.commands_rejected, steps.refused_source), (1, command.source));
+    }
+    let steps = rig.tick_with(&bad.map(|(command, _)| command));
     assert_eq!(steps.commands_rejected, bad.len() as u64);
     let steps = rig.tick_with(&[good, good]);
     assert_eq!(steps.commands_rejected, bad.len() as u64 + 1, "the repeated one");

@@ -109,7 +109,9 @@ impl EstimatorProcess {
             // A predecessor, or that of the step generator, may have been as far.
             let steps = iter::from_fn(|| self.steps.next()).find(|steps| is_new(self.done, steps.tick))?;
             let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
-            return Some(self.reckoner.step(steps.tick, inputs));
+            let pose = self.reckoner.step(steps.tick, inputs);
+            self.report.rejected = self.reckoner.estimator.refused();
+            return Some(pose);
         };
         let done = self.done;
         let mut new_steps = || iter::from_fn(|| self.steps.next()).find(|steps| is_new(done, steps.tick));
@@ -117,7 +119,7 @@ impl EstimatorProcess {
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
         let pose = self.reckoner.step(steps.tick, inputs);
-        self.report.rejected = pairing.lost();
+        self.report.rejected = pairing.lost() + self.reckoner.estimator.refused();
         Some(pose)
     }
 }

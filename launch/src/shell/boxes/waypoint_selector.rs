@@ -80,7 +80,7 @@ impl SelectorProcess {
         self.done = Some(pose.tick);
         worker.remember(self.key, pose.tick, &mut self.selector);
         self.report.steps += 1;
-        self.report.rejected = self.selector.rejected_paths();
+        self.report.rejected = self.selector.rejected_paths() + self.selector.rejected_poses();
     }
 
     /// Copies a new path out of shared memory; it takes effect at the next control period.
