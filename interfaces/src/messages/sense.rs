@@ -28,11 +28,12 @@ const fn within(value: f64, most: f64) -> bool {
 impl Waypoint {
     /// A place on earth, a segment to it that is a line or an arc, and a crab angle.
     pub const fn makes_sense(&self) -> bool {
+        // Without branches: a path has many.
         within(self.x_m, PLACE_MAX_M)
-            && within(self.y_m, PLACE_MAX_M)
-            && within(self.bulge, BULGE_MAX)
-            && (self.bulge == 0.0 || self.bulge.abs() >= BULGE_MIN)
-            && within(self.crab_rad, CRAB_MAX_RAD)
+            & within(self.y_m, PLACE_MAX_M)
+            & within(self.bulge, BULGE_MAX)
+            & ((self.bulge == 0.0) | (self.bulge.abs() >= BULGE_MIN))
+            & within(self.crab_rad, CRAB_MAX_RAD)
     }
 }
 
@@ -81,7 +82,7 @@ impl Reference {
         self.preview_len <= PREVIEW as u64
             && within(self.speed_mps, SPEED_MAX_MPS)
             && self.last.makes_sense()
-            && self.ahead().all(Waypoint::makes_sense)
+            && self.ahead().fold(true, |all, waypoint| all & waypoint.makes_sense())
     }
 }
 

@@ -28,6 +28,7 @@ pub enum Worth {
 pub struct Guard {
     /// Counts of a wheel in a tick at the highest speed there is; none where counts are not used.
     counts_max: Option<f64>,
+    counts_max_in_a_tick: u64,
     /// Of the newest message that was sound.
     tick: Tick,
     counts: PerWheel<i64>,
@@ -41,7 +42,8 @@ impl Guard {
     pub fn new(chassis: &Chassis, count_rad: f64, counted: bool) -> Self {
         let rim_m = count_rad.abs() * chassis.wheel_radius_m();
         let counts_max = counted.then_some(SPEED_MAX_MPS * TICK_S / rim_m);
-        Self { counts_max, tick: 0, counts: [0; 4], jump: None, refused: 0 }
+        let counts_max_in_a_tick = counts_max.map_or(0, |most| most as u64);
+        Self { counts_max, counts_max_in_a_tick, tick: 0, counts: [0; 4], jump: None, refused: 0 }
     }
 
     /// Messages that were passed over.
@@ -69,9 +71,12 @@ impl Guard {
             return Worth::TickImpossible;
         }
         let Some(counts_max) = self.counts_max.filter(|_| tick >= self.tick) else { return Worth::Sound };
-        let most = counts_max * silence.max(1) as f64;
-        let turned = |(now, before): (&i64, &i64)| now.wrapping_sub(*before).unsigned_abs() as f64;
-        let possible = counts.iter().zip(&self.counts).map(turned).all(|turned| turned <= most);
+        let most = match silence {
+            0 | 1 => self.counts_max_in_a_tick,
+            _ => (counts_max * silence as f64) as u64,
+        };
+        let turned = |wheel: usize| counts[wheel].wrapping_sub(self.counts[wheel]).unsigned_abs();
+        let possible = (0..counts.len()).fold(true, |all, wheel| all & (turned(wheel) <= most));
         if possible { Worth::Sound } else { Worth::CountsImpossible }
     }
 }

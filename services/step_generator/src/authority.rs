@@ -43,10 +43,7 @@ param_group! {
 struct Acting {
     command: Command,
     twist: BodyTwist,
-    /// What the same controller commanded for the cycle before.
-    before: Option<BodyTwist>,
-    /// What the controller whose command acted last commands for the same cycle.
-    beside: Option<BodyTwist>,
+    beside: Beside,
 }
 
 /// What acts on a tick.
@@ -58,10 +55,15 @@ pub struct Decision {
     pub drive: Drive,
     /// Whose command it is; (0, 0) for none.
     pub pair: Pair,
+}
+
+/// What else is known of the cycle whose command acts: where another controller's begins to, it begins there.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside {
     /// What the same controller commanded for the cycle before, if it did.
     pub before: Option<BodyTwist>,
-    /// What the controller whose command acted before it commands for the same cycle, if it does.
-    pub beside: Option<BodyTwist>,
+    /// What the controller whose command acted last commands for the same cycle, if it does.
+    pub old: Option<BodyTwist>,
 }
 
 /// Takes commands in and decides, tick by tick, which one acts.
@@ -220,14 +222,18 @@ impl Gate {
         } else {
             self.take_late(tick);
         }
-        let acting = self.acting;
-        Decision {
-            twist: acting.map_or(BodyTwist::ZERO, |acting| acting.twist),
-            drive: self.drive(tick),
-            pair: acting.map_or((0, 0), |acting| (acting.command.source, acting.command.epoch)),
-            before: acting.and_then(|acting| acting.before),
-            beside: acting.and_then(|acting| acting.beside),
+        let drive = self.drive(tick);
+        match &self.acting {
+            Some(Acting { command, twist, .. }) => {
+                Decision { twist: *twist, drive, pair: (command.source, command.epoch) }
+            }
+            None => Decision { twist: BodyTwist::ZERO, drive, pair: (0, 0) },
         }
+    }
+
+    /// What is known beside the command that acts.
+    pub fn beside(&self) -> Beside {
+        self.acting.as_ref().map_or_else(Beside::default, |acting| acting.beside)
     }
 
     fn close_cycle(&mut self) {
@@ -299,7 +305,7 @@ impl Gate {
     /// and standby has come up with.
     fn act(&mut self, command: Option<Command>, before: Option<Command>, other: Option<Command>) {
         let Some(command) = command else { return };
-        let last = self.acting.map(|acting| acting.command);
+        let last = self.acting.as_ref().map(|acting| &acting.command);
         if last.is_some_and(|last| command.effective_tick <= last.effective_tick) {
             return;
         }
@@ -307,10 +313,10 @@ impl Gate {
             other.effective_tick == command.effective_tick
                 && last.is_some_and(|last| (last.source, last.epoch) == (other.source, other.epoch))
         };
-        let beside = other.filter(acted_last).and_then(|other| other.twist());
+        let old = other.filter(acted_last).and_then(|other| other.twist());
         if let Some(twist) = command.twist() {
             let before = before.and_then(|before| before.twist());
-            self.acting = Some(Acting { command, twist, before, beside });
+            self.acting = Some(Acting { command, twist, beside: Beside { before, old } });
         }
     }
 

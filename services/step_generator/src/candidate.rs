@@ -107,16 +107,18 @@ impl Candidate {
     }
 
     fn take(&mut self, tick: Tick, period_ticks: u64) -> Option<Command> {
-        let due = self.pending.map(|slot| slot.filter(|command| command.effective_tick <= tick));
+        let due = self.pending.iter().flatten().filter(|command| command.effective_tick <= tick);
+        let command = *due.max_by_key(|command| command.effective_tick)?;
+        let of_the_cycle_before =
+            |known: &&Command| known.effective_tick + period_ticks == command.effective_tick;
+        let before = self.known().find(of_the_cycle_before).copied();
+        (self.before, self.taken) = (before, Some(command));
         for slot in &mut self.pending {
-            *slot = slot.filter(|command| command.effective_tick > tick);
+            if slot.as_ref().is_some_and(|command| command.effective_tick <= tick) {
+                *slot = None;
+            }
         }
         self.note_next_due();
-        let command = *due.iter().flatten().max_by_key(|command| command.effective_tick)?;
-        let taken = self.taken.replace(command);
-        let mut known = due.iter().chain([&taken]).flatten();
-        self.before =
-            known.find(|known| known.effective_tick + period_ticks == command.effective_tick).copied();
         Some(command)
     }
 

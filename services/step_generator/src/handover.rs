@@ -13,7 +13,7 @@
 //! Two controllers of the same law and the same memory command the same for the same cycle: the offset is
 //! exactly zero, and the change leaves no bit behind.
 
-use crate::authority::Decision;
+use crate::authority::{Beside, Decision};
 use crate::candidate::Pair;
 use crate::limits::Limits;
 use hilare_interfaces::block::TICK_S;
@@ -54,14 +54,20 @@ impl Handover {
 
     /// The target of a tick in which a command acts: inside the constraints.
     #[inline]
-    pub fn target(&mut self, decision: &Decision, chassis: &Chassis, limits: &Limits) -> BodyTwist {
+    pub fn target(
+        &mut self,
+        decision: &Decision,
+        beside: impl FnOnce() -> Beside,
+        chassis: &Chassis,
+        limits: &Limits,
+    ) -> BodyTwist {
         // A command acts for several ticks: constrain it once.
         if decision.twist != self.commanded {
             self.commanded = decision.twist;
             self.constrained = limits.constrain(chassis, decision.twist);
         }
         if decision.pair != self.pair {
-            self.change(decision, chassis, limits);
+            self.change(decision.pair, beside(), chassis, limits);
         }
         self.target = if self.offset == BodyTwist::ZERO {
             self.constrained
@@ -72,16 +78,16 @@ impl Handover {
         self.target
     }
 
-    fn change(&mut self, decision: &Decision, chassis: &Chassis, limits: &Limits) {
+    fn change(&mut self, pair: Pair, beside: Beside, chassis: &Chassis, limits: &Limits) {
         let resumes = self.pair.0 == 0;
         // From rest a robot starts as its acceleration limits say.
         let from_rest = resumes && self.target == BodyTwist::ZERO;
-        self.pair = decision.pair;
+        self.pair = pair;
         if from_rest {
             return;
         }
         let constrained = |twist| limits.constrain(chassis, twist);
-        self.offset = match (decision.beside, decision.before) {
+        self.offset = match (beside.old, beside.before) {
             (Some(old), _) if !resumes => sum(self.offset, difference(constrained(old), self.constrained)),
             (None, Some(new)) if !resumes => difference(self.target, constrained(new)),
             _ => difference(self.target, self.constrained),

@@ -94,7 +94,8 @@ impl StepGenerator {
         let decision = self.gate.decide(tick);
         let twist = match decision.drive {
             Drive::Command | Drive::Hold => {
-                let target = self.handover.target(&decision, &self.chassis, &self.limits);
+                let beside = || self.gate.beside();
+                let target = self.handover.target(&decision, beside, &self.chassis, &self.limits);
                 return (self.limits.ramp_to(self.twist, target), decision.drive);
             }
             Drive::EStop | Drive::Disarmed => BodyTwist::ZERO,
