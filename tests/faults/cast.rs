@@ -2,6 +2,7 @@
 //!
 //! * witness: reads the step generator's wire along and writes down every tick it saw, with the time;
 //! * liar: sends commands of those who may not command, one of each kind a control cycle;
+//! * flooder: sends as many commands as it can get rid of;
 //! * foreigner: a program of another build, whose messages are laid out otherwise.
 //!
 //! A process joins the domain of one robot only, so each robot has its own.
@@ -32,12 +33,18 @@ pub enum Role {
     Witness,
     /// Commands without right.
     Liar,
+    /// Commands without right, more than there is room for.
+    Flooder,
     /// Does not speak the same messages.
     Foreigner,
 }
 
-const ROLES: [(Role, &str); 3] =
-    [(Role::Witness, "witness"), (Role::Liar, "liar"), (Role::Foreigner, "foreigner")];
+const ROLES: [(Role, &str); 4] = [
+    (Role::Witness, "witness"),
+    (Role::Liar, "liar"),
+    (Role::Flooder, "flooder"),
+    (Role::Foreigner, "foreigner"),
+];
 
 /// Plays the role this process was started for.
 pub fn play() {
@@ -49,6 +56,7 @@ pub fn play() {
     match role {
         Role::Witness => witness(&domain, &file),
         Role::Liar => lie(&domain, &file),
+        Role::Flooder => flood(&domain, &file),
         Role::Foreigner => {
             patiently(|| domain.input::<Steps>(&wires::STEPS));
             let other = Wire { layout_hash: wires::STEPS.layout_hash ^ 1, ..wires::STEPS };
@@ -144,6 +152,19 @@ fn lie(domain: &Domain, file: &Path) {
             sent += lies(&steps).iter().map(|lie| u64::from(commands.send(lie))).sum::<u64>();
         }
         std::thread::sleep(Duration::from_micros(500));
+    }
+    fs::write(file, sent.to_string()).expect("its count");
+}
+
+/// More commands a tick than a wire has room for, until told to end.
+fn flood(domain: &Domain, file: &Path) {
+    let commands = patiently(|| domain.output::<messages::Command>(&wires::COMMAND));
+    commands.connect();
+    let mut sent = 0u64;
+    while !told_to_end(file) {
+        let stranger = messages::Command { source: 99, seq: sent, ..messages::Command::ZERO };
+        sent += (0..2 * wires::COMMAND.buffer).map(|_| u64::from(commands.send(&stranger))).sum::<u64>();
+        std::thread::sleep(Duration::from_micros(300));
     }
     fs::write(file, sent.to_string()).expect("its count");
 }

@@ -1,6 +1,7 @@
 //! A real robot on its way, with a witness beside it.
 
 use super::cast::{Seen, Witness};
+use super::host::HostWatch;
 use super::watch::drive;
 use crate::support::{Ended, Lab, PATIENCE, Running, comes_true, number, pid_of, process, wait_until};
 use hilare_interfaces::layout::WireField;
@@ -151,6 +152,16 @@ impl Told {
         spoilt.map_or_else(|| panic!("{key}: not as without the fault\n{}\n{}", self.summary, self.log), Err)
     }
 
+    /// Every cycle had a command of its own. Why the host has spoilt it, if not for that reason.
+    #[track_caller]
+    pub fn no_cycle_lost(self) -> Result<Self, String> {
+        if number(&self.summary, "cycles_without_command") == 0.0 {
+            return Ok(self);
+        }
+        let spoilt = self.spoilt();
+        spoilt.map_or_else(|| panic!("cycles were lost\n{}\n{}", self.summary, self.log), Err)
+    }
+
     /// What a box that died left the robot without, ms each, from the log.
     pub fn outages_ms(&self) -> Vec<f64> {
         let of = |line: &str| {
@@ -194,14 +205,24 @@ pub fn late(seen: &[Seen]) -> Option<String> {
 /// Runs of a drive at most, if the host spoils them.
 const ATTEMPTS: u32 = 6;
 
-/// Runs again what the host has spoilt, as the run itself measured. One that it has not counts.
+/// A bare loop was late by this much, ms, when the host has spoilt a run: a tick.
+const STALL_MS: f64 = 1.0;
+
+/// Runs again what the host has spoilt, as the run itself measured and bare loops beside it. One that it has not
+/// counts.
 #[track_caller]
 pub fn unless_spoilt<T>(mut run: impl FnMut(u32) -> Result<T, String>) -> T {
     let mut why = Vec::new();
     for attempt in 0..ATTEMPTS {
+        let host = HostWatch::start();
         match run(attempt) {
             Ok(result) => return result,
-            Err(spoilt) => why.push(spoilt),
+            Err(spoilt) => {
+                let late_ms = host.worst_ms();
+                assert!(late_ms >= STALL_MS, "{spoilt}, though bare loops were {late_ms} ms late at most");
+                println!("run again, bare loops were {late_ms} ms late: {spoilt}");
+                why.push(spoilt);
+            }
         }
     }
     panic!("the host has spoilt every run: {why:?}");

@@ -2,6 +2,8 @@
 //! how late the machine itself is.
 
 use crate::support::{Lab, Running};
+use hilare::shell::realtime::set_fifo;
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -127,28 +129,40 @@ impl JumpingClock {
     }
 }
 
-/// A bare timer loop beside a test: how late the machine itself is with anything that sleeps.
+/// Bare timer loops beside a test, one a processor, above all of the robot where that is allowed: how late the
+/// machine itself is with anything that sleeps.
 pub struct HostWatch {
     stop: Arc<AtomicBool>,
     worst_us: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
+    threads: Vec<JoinHandle<()>>,
 }
+
+/// Above the control path.
+const WATCH_PRIORITY: u64 = 90;
 
 impl HostWatch {
     /// Begins to watch.
     pub fn start() -> Self {
         let (stop, worst_us) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (stops, worst) = (Arc::clone(&stop), Arc::clone(&worst_us));
-        let thread = std::thread::spawn(move || {
-            let pause = Duration::from_millis(1);
-            while !stops.load(Ordering::Relaxed) {
-                let start = Instant::now();
-                std::thread::sleep(pause);
-                let late = start.elapsed().saturating_sub(pause).as_micros() as u64;
-                worst.fetch_max(late, Ordering::Relaxed);
-            }
-        });
-        Self { stop, worst_us, thread: Some(thread) }
+        let allowed = sched_getaffinity(None).expect("processors");
+        let cpus = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu));
+        let watch = |cpu: usize| {
+            let (stops, worst) = (Arc::clone(&stop), Arc::clone(&worst_us));
+            std::thread::spawn(move || {
+                let mut one = CpuSet::new();
+                one.set(cpu);
+                let _ = (sched_setaffinity(None, &one), set_fifo(WATCH_PRIORITY, false));
+                let pause = Duration::from_millis(1);
+                while !stops.load(Ordering::Relaxed) {
+                    let start = Instant::now();
+                    std::thread::sleep(pause);
+                    let late = start.elapsed().saturating_sub(pause).as_micros() as u64;
+                    worst.fetch_max(late, Ordering::Relaxed);
+                }
+            })
+        };
+        let threads = cpus.map(watch).collect();
+        Self { stop, worst_us, threads }
     }
 
     /// The worst so far, ms; and begins anew.
@@ -160,6 +174,6 @@ impl HostWatch {
 impl Drop for HostWatch {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
+        self.threads.drain(..).for_each(|thread| drop(thread.join()));
     }
 }

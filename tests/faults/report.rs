@@ -52,6 +52,7 @@ pub const ROWS: &[Row] = &[
     ),
     row("lower epoch, wrong source, old or repeated seq", "ignored, counted", "same tick, same bits"),
     row("stopped controller, woken when another is in charge", "ignored, counted", "same tick, same bits"),
+    row("flood of commands of a stranger", "every other command is heard", "0 cycles lost, same bits"),
     row("command NaN, infinite", "rejected, counted, does not refresh its age", "same tick"),
     row("command over the limits", "scaled to the constraint set, curvature kept", "same tick"),
     row("QP at its iteration cap, hostile path", "feasible fallback, health degraded", "same cycle"),

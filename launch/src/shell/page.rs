@@ -307,24 +307,30 @@ mod tests {
 
     #[test]
     fn rings_wake_a_sleeper_in_another_thread() {
+        const RINGS: u32 = 100;
         let page = SharedPage::create().unwrap();
         page.assign(0, Role::Plant);
+        let asleep = AtomicU32::new(0);
+        let start = Instant::now();
         std::thread::scope(|scope| {
-            let sleeper = scope.spawn(|| {
-                let mut rings = 0;
-                while rings < 200 {
+            scope.spawn(|| {
+                for n in 0..RINGS {
                     let seen = page.bell(0);
-                    if seen > rings {
-                        rings = seen;
-                        continue;
-                    }
+                    asleep.store(n + 1, Ordering::Release);
                     page.wait(0, seen, MAX_WAIT);
                 }
             });
-            while !sleeper.is_finished() {
+            for n in 0..RINGS {
+                while asleep.load(Ordering::Acquire) <= n {
+                    std::hint::spin_loop();
+                }
+                // It is on its way into the kernel.
+                std::thread::sleep(MAX_WAIT / 50);
                 page.ring(&wires::STEPS);
             }
         });
+        let (took, by_time_out) = (start.elapsed(), MAX_WAIT * RINGS);
+        assert!(took < by_time_out / 3, "{took:?}: {by_time_out:?} if nobody wakes it");
     }
 
     #[test]
