@@ -232,6 +232,22 @@ fn script(lab: &Lab, name: &str, text: &str) -> String {
     file.to_string_lossy().into_owned()
 }
 
+/// A program named relative to where the command is typed, from the start.
+#[test]
+fn a_program_beside_the_user_drives_or_says_why_not() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let _ = script(&lab, "says-why.sh", "echo no licence >&2\nexit 3");
+    let run = |program: &str| {
+        lab.hilare(&["run", "rectangle", "--controller", program, "--robot", &lab.robot(), "--out", "o"])
+    };
+    let ended = run("./says-why.sh").expect_code(1);
+    assert!(ended.stderr.contains("controller ended with code 3: no licence"), "{ended:#?}");
+    let ended = run("./nothing.sh").expect_code(2);
+    assert!(ended.stderr.contains("nothing.sh: No such file"), "{ended:#?}");
+    lab.assert_nothing_left("controllers that did not drive");
+}
+
 #[test]
 fn every_law_can_take_over_and_what_cannot_is_refused_with_the_reason() {
     let _machine = whole_machine();
@@ -314,6 +330,14 @@ fn parameters_of_planner_and_selector_change_under_way() {
     assert!(x_m(&after) > x_m(&before), "it went on, it did not begin anew");
     assert_eq!(after["path_state"], "tracking");
     robot.swap(&["planner", "--set", "planner.samples=64"]);
+    // A goal that comes while nobody plans waits for the successor.
+    let planner = support::pid_of(&robot.status(), "planner");
+    support::process::signal(planner, rustix::process::Signal::KILL);
+    assert!(robot.tell(&["goal", "5", "0"]).contains("accepted"));
+    let said = robot.refused(2, &["swap", "planner", "--set", "planner.map=nope.json"]);
+    assert!(said.contains("nope.json"), "{said}");
+    let said = robot.refused(2, &["swap", "controller", "--set", "controller.qp.horizon=6"]);
+    assert!(said.contains("not a key of pure-pursuit"), "{said}");
     robot.swap(&["controller", "--set", "controller.pure-pursuit.lookahead_s=0.5"]);
     assert_eq!(robot.law(), "pure-pursuit");
     let said = robot.refused(2, &["swap", "waypoint_selector", "--set", "tracking.acceptance_radius_m=0.1"]);
@@ -326,6 +350,7 @@ fn parameters_of_planner_and_selector_change_under_way() {
 /// A box that dies as soon as it is born is waited with; swapped meanwhile, it is one process, not two.
 #[test]
 fn a_box_that_is_about_to_be_started_again_is_started_once() {
+    let _machine = whole_machine();
     let lab = Lab::new();
     let robot = Driving::up(&lab, &["--set", "supervision.restart_budget=1000"]);
     let planners = || -> Vec<i32> {

@@ -72,12 +72,11 @@ fn choose(robot: Option<&String>) -> Result<Living, Failure> {
     let names = living.iter().map(|living| living.robot.as_str()).collect::<Vec<_>>().join(", ");
     match (robot, &living[..]) {
         (Some(robot), _) => living.iter().find(|living| living.robot == *robot).cloned().ok_or_else(|| {
-            let hint = if names.is_empty() {
-                format!("hilare up SYSTEM --robot {robot}")
-            } else {
-                format!("up are: {names}")
-            };
-            refused(format!("robot {robot:?} is not up{}; {hint}", last_log(robot)))
+            let others = if names.is_empty() { String::new() } else { format!("; up are: {names}") };
+            refused(format!(
+                "robot {robot:?} is not up{}; hilare up SYSTEM --robot {robot}{others}",
+                last_log(robot)
+            ))
         }),
         (None, [only]) => Ok(only.clone()),
         (None, []) => Err(refused("no robot is up; hilare up SYSTEM")),
@@ -193,8 +192,20 @@ pub fn swap(args: &SwapArgs) -> VerbResult {
         }
         law => law.map(str::to_owned),
     };
-    let request = Request::Swap { role: args.role.clone(), driver, set: args.set.clone() };
+    let set = args.set.iter().map(|assignment| with_map_found(assignment)).collect::<Result<_, _>>()?;
+    let request = Request::Swap { role: args.role.clone(), driver, set };
     order(&args.robot, &request)
+}
+
+/// An assignment as launch is to read it: a map is looked for, and looked at, here.
+fn with_map_found(assignment: &str) -> Result<String, Failure> {
+    if !assignment.trim_start().starts_with("planner.map") {
+        return Ok(assignment.to_owned());
+    }
+    let mut probe = System::default();
+    probe.set_all(&[assignment]).map_err(refused)?;
+    probe.load_map().map_err(refused)?;
+    Ok(format!("planner.map={}", probe.map))
 }
 
 /// `hilare goal`.

@@ -51,7 +51,7 @@ pub struct RunArgs {
     /// Control law, or an executable that speaks the wires (a name with a /)
     #[arg(long, value_name = "LAW")]
     controller: Option<String>,
-    /// Law of a second controller that takes over within the tick
+    /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
     /// What drives the ticks: real, lockstep or in-process

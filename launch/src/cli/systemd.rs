@@ -79,11 +79,11 @@ fn wanted(args: &SystemdArgs) -> Result<Wanted, Failure> {
         super::run::set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
     // A unit starts in the root directory.
-    let map = Path::new(&system.map);
-    if map.is_relative() && map.is_file() {
+    let is_relative = |file: &Path| file.is_relative() && file.is_file();
+    let mut assigned = args.set.iter().filter_map(|assignment| assignment.split_once('='));
+    if let Some((key, file)) = assigned.find(|(_, value)| is_relative(Path::new(value.trim()))) {
         return Err(refused(format!(
-            "planner.map: {} is relative, and a unit starts in /; give an absolute path",
-            map.display()
+            "--set {key}: {file} is relative, and a unit starts in /; give an absolute path"
         )));
     }
     let source = match args.system.ends_with(".toml") {

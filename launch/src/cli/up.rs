@@ -33,10 +33,10 @@ pub struct UpArgs {
     /// Name the robot runs under [default: the system's]
     #[arg(long, value_name = "NAME")]
     robot: Option<String>,
-    /// Control law
+    /// Control law, or an executable that speaks the wires (a name with a /)
     #[arg(long, value_name = "LAW")]
     controller: Option<String>,
-    /// Law of a second controller that takes over within the tick
+    /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
     /// Write the merged log of all processes to this file as well [default with --detach: the runtime
@@ -65,6 +65,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
+    system.load_map().map_err(refused)?;
     if args.detach {
         return detach(args, &system.robot);
     }

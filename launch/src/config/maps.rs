@@ -13,12 +13,12 @@ fn is_file(map: &str) -> bool {
     Path::new(map).extension().is_some() || map.contains('/')
 }
 
-/// A map file named in `file` as a path that does not depend on where it is read from.
-pub(super) fn beside(map: &str, file: &Path) -> String {
-    if !is_file(map) || Path::new(map).is_absolute() {
-        return map.to_owned();
+/// A file named relative to `folder` as a path that does not depend on where it is read from.
+pub(super) fn in_folder(file: &str, folder: &Path) -> String {
+    if !is_file(file) || Path::new(file).is_absolute() {
+        return file.to_owned();
     }
-    let joined = file.parent().unwrap_or(Path::new("")).join(map);
+    let joined = folder.join(file);
     std::path::absolute(&joined).unwrap_or(joined).to_string_lossy().into_owned()
 }
 

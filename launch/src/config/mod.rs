@@ -170,11 +170,7 @@ impl System {
         if is_path(name_or_path) {
             let path = Path::new(name_or_path);
             let mut system = Self::parse(name_or_path, &error::read_text(path)?)?;
-            system.map = maps::beside(&system.map, path);
-            let controller = &mut system.controller;
-            for program in [&mut controller.exec, &mut controller.standby] {
-                *program = maps::beside(program, path);
-            }
+            system.find_files(path.parent().unwrap_or(Path::new("")));
             if let Some(conflict) = conflict::programs(&system) {
                 return Err(ConfigError::new(name_or_path, conflict.what));
             }
@@ -207,8 +203,17 @@ impl System {
     pub fn set_all<S: AsRef<str>>(&mut self, assignments: &[S]) -> Result<(), ConfigError> {
         let mut changed = self.clone();
         assign::apply_assignments(&mut changed, assignments)?;
+        // Workers have another working directory.
+        changed.find_files(Path::new(""));
         *self = changed;
         Ok(())
+    }
+
+    /// Makes names of files that are relative to `folder` independent of where they are read.
+    fn find_files(&mut self, folder: &Path) {
+        for file in [&mut self.map, &mut self.controller.exec, &mut self.controller.standby] {
+            *file = maps::in_folder(file, folder);
+        }
     }
 
     /// Checks every value and that they fit each other; for those who changed fields directly.

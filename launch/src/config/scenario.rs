@@ -149,7 +149,7 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
     })?;
     apply(&mut system, &file, changes)?;
     if let Home::Folder(folder) = home {
-        system.map = maps::beside(&system.map, &folder.join("scenario.toml"));
+        system.map = maps::in_folder(&system.map, folder);
     }
     let task = task.ok_or_else(|| {
         let what =

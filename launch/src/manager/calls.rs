@@ -4,6 +4,7 @@ use super::control::{Call, Request, Response};
 use super::member::Duty;
 use super::status::Status;
 use super::{Manager, Newest, PendingGoal};
+use crate::shell::page::SlotState;
 use crossbeam_channel::Sender;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
@@ -82,13 +83,39 @@ impl Manager {
         let id = self.next_goal;
         self.next_goal += 1;
         let header = GoalHeader { goal_id: id, ..header };
-        let alive = self.members.iter().any(|m| m.role == Role::Planner && m.running.is_some());
-        if !alive || !self.ports.goal.send(&header, waypoints.into_iter()) {
-            let _ = reply.send(Response::refused("the planner is not running (hilare status)"));
+        self.goals.push_back(PendingGoal {
+            id,
+            unsent: Some(waypoints),
+            header,
+            reply,
+            since: Instant::now(),
+        });
+        self.send_goals_that_wait();
+    }
+
+    /// Hands on what waits for the planner to be at work: it may just be starting again.
+    pub(super) fn send_goals_that_wait(&mut self) {
+        if !self.page.members(Role::Planner).any(|slot| self.page.state(slot) == SlotState::Working) {
             return;
         }
-        self.page.ring(&wires::GOAL);
-        self.goals.push_back(PendingGoal { id, reply, since: Instant::now() });
+        for goal in &mut self.goals {
+            let Some(waypoints) = goal.unsent.take() else { continue };
+            if self.ports.goal.send(&goal.header, waypoints.into_iter()) {
+                self.page.ring(&wires::GOAL);
+            } else {
+                let _ =
+                    goal.reply.try_send(Response::refused("the goal could not be sent; is /dev/shm full?"));
+            }
+        }
+    }
+
+    /// The planner is gone: whoever has an answer to come gets it from launch.
+    pub(super) fn refuse_goals_of_the_dead(&mut self) {
+        let asked = self.goals.iter().filter(|goal| goal.unsent.is_none());
+        for goal in asked {
+            let _ = goal.reply.try_send(Response::refused("the planner died over it; ask again"));
+        }
+        self.goals.retain(|goal| goal.unsent.is_some());
     }
 
     /// An answer of the planner, to whoever asked.

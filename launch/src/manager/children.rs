@@ -8,7 +8,7 @@ use crate::shell::realtime::set_fifo;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use hilare_interfaces::wires::Role;
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::process::{Pid, PidfdFlags, Signal, kill_process_group, pidfd_open, pidfd_send_signal};
 use rustix::thread::set_name;
 use std::ffi::CString;
 use std::io::{self, BufRead, BufReader, Read, pipe};
@@ -131,6 +131,8 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
             let _ = set_fifo(WATCH_PRIORITY, false);
         }
         wait(&pidfd);
+        // Whatever it has started and not taken along: its number is taken until it is waited for.
+        let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
         let how = describe(child.wait().ok(), kills_before);
         let _ = events.send(Event::Died { slot, incarnation, how });
     })?;

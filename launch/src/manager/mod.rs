@@ -38,7 +38,7 @@ use robot_dir::RobotDir;
 use std::collections::VecDeque;
 use std::iter;
 use std::time::{Duration, Instant};
-use tracing::warn;
+use tracing::{info, warn};
 
 /// Time between two authority messages (launch's lease) and two looks at everybody's health.
 const LEASE: Duration = Duration::from_millis(20);
@@ -135,6 +135,9 @@ struct Ports {
 /// A goal that was passed on and not yet answered.
 struct PendingGoal {
     id: u64,
+    /// It waits for the planner to be at work.
+    unsent: Option<Vec<Waypoint>>,
+    header: GoalHeader,
     reply: Sender<Response>,
     since: Instant,
 }
@@ -267,6 +270,7 @@ impl Manager {
         }
         self.look();
         self.judge_swap();
+        self.send_goals_that_wait();
         let wait = patience.min(self.lease_due.saturating_duration_since(Instant::now()));
         if let Ok(event) = self.events.recv_timeout(wait) {
             self.take(event);
@@ -291,8 +295,8 @@ impl Manager {
             self.newest.steps = steps;
             self.follow_promotion();
             if steps.drive == Drive::PauseStop.code() && self.authority.mode == Mode::Armed.code() {
-                let (pause, limit) = (steps.paused_max_ticks, self.job.system.timing.pause_stop_ticks);
-                self.halt(Mode::Stop, &format!("paused for {pause} ticks (timing.pause_stop_ticks {limit})"));
+                let limit = self.job.system.timing.pause_stop_ticks;
+                self.halt(Mode::Stop, &format!("paused for {limit} ticks or more (timing.pause_stop_ticks)"));
             }
         }
         if let Some(pose) = self.ports.pose.last() {
@@ -341,6 +345,9 @@ impl Manager {
         self.authority.mode = wanted.code();
         self.halted = None;
         self.send_authority();
+        if now != wanted {
+            info!("{}", wanted.label());
+        }
         if wanted == Mode::EStop
             && let Err(why) = robot_dir::latch_estop(&self.job.system.robot)
         {

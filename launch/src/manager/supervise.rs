@@ -2,6 +2,7 @@
 
 use super::children::Running;
 use super::member::Duty;
+use super::swap::with_last_words;
 use super::{LEASE, LEAVE_PATIENCE, Manager};
 use crate::shell::page::{Phase, SlotState, monotonic_ns};
 use hilare_interfaces::messages::{Drive, Mode};
@@ -26,6 +27,9 @@ impl Manager {
         if self.leaving {
             return;
         }
+        if self.members[slot].role == Role::Planner {
+            self.refuse_goals_of_the_dead();
+        }
         // First of all the robot has a driver again, then there is a successor; then comes the tidying up.
         let handed_over = self.hand_to_standby(slot);
         self.succeed(slot, how, gone.as_ref(), handed_over);
@@ -35,7 +39,7 @@ impl Manager {
     /// What becomes of the place of a dead worker.
     fn succeed(&mut self, slot: usize, how: &str, gone: Option<&Running>, handed_over: bool) {
         if self.page.phase() != Phase::Go {
-            return self.give_up(slot, how);
+            return self.give_up(slot, &with_last_words(how, self.members[slot].role, gone));
         }
         if self.replaced(slot, how, gone) {
             return;
@@ -64,7 +68,9 @@ impl Manager {
     /// The robot stops until the operator arms it again.
     pub(super) fn halt(&mut self, mode: Mode, why: &str) {
         if self.authority.mode == Mode::Armed.code() {
-            self.halted = Some(format!("{why}; the robot has to be armed again (hilare arm)"));
+            let halted = format!("{why}; the robot has to be armed again (hilare arm)");
+            warn!("{halted}");
+            self.halted = Some(halted);
         }
         if self.authority.mode != Mode::EStop.code() {
             self.authority.mode = mode.code();

@@ -103,10 +103,13 @@ impl Manager {
         if let Some(key) = set.iter().map(key_of).find(|key| chosen.contains(&&**key)) {
             return Err(format!("--set {key}: say the law itself: hilare swap controller LAW"));
         }
+        // A key there is not is told as such.
+        self.job.system.clone().set_all(set).map_err(|error| error.to_string())?;
         if let Some(key) = set.iter().map(key_of).find(|key| !is_own(key)) {
             return Err(format!(
-                "--set {key}: not a key of {} alone; change it with hilare down, then up",
-                role.name()
+                "--set {key}: not a key of {} alone (those are {}); change it with hilare down, then up",
+                role.name(),
+                own.join(", ")
             ));
         }
         let mut keys = driver.map(Driver::keys).unwrap_or_default();
@@ -119,7 +122,15 @@ impl Manager {
             let what = ours.into_iter().find_map(|key| error.strip_prefix(&format!("--set {key}: ")));
             what.unwrap_or(&error).to_owned()
         })?;
-        Ok((*role, system))
+        let law = system.controller.law.name;
+        let of_another_law = |key: &String| {
+            let section = key.strip_prefix("controller.").and_then(|key| key.split_once('.'));
+            section.is_some_and(|(section, _)| section != law)
+        };
+        match set.iter().map(key_of).find(of_another_law) {
+            Some(key) => Err(format!("--set {key}: not a key of {law}, which is to drive")),
+            None => Ok((*role, system)),
+        }
     }
 
     fn begin_trial(&mut self, system: System, plain: bool, reply: &Sender<Response>) -> Result<(), String> {
@@ -339,7 +350,7 @@ impl Manager {
         let name = self.members[swap.slot].role.name();
         let Some(why) = failure else {
             self.swaps += 1;
-            let _ = swap.reply.send(Response::done(format!("{name}: another one is at work")));
+            let _ = swap.reply.send(Response::done(format!("{name}: a new one is at work")));
             return;
         };
         self.job.system = swap.other;
@@ -367,7 +378,7 @@ impl Manager {
 }
 
 /// How a process has ended, and the last line it wrote.
-fn with_last_words(how: &str, role: Role, gone: Option<&Running>) -> String {
+pub(super) fn with_last_words(how: &str, role: Role, gone: Option<&Running>) -> String {
     let line = gone.map(Running::last_words).unwrap_or_default();
     // Its own log line, without time and level.
     let words = line.split_once(&format!("{}: ", role.name())).map_or(&*line, |(_, words)| words);
