@@ -83,6 +83,11 @@ pub const ROWS: &[Row] = &[
     row("e-stop, then any process killed", "latched through every restart until reset", "1 tick"),
     row("host takes the cores away", "pause, no burst, same bits; a long pause stops", "0 ticks hurried"),
     row(
+        "both cores loaded",
+        "jitter stays that of a bare timer loop in the same run",
+        "no pause longer than the bare loop's and a tick, same bits",
+    ),
+    row(
         "everything at once",
         "limits kept at every tick, every cycle accounted for; arrives when it is over",
         "whole run",

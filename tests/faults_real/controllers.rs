@@ -250,10 +250,34 @@ fn a_flood_of_commands_keeps_nobody_from_being_heard() {
             let sent = flooder.end().parse().expect("how many commands");
             robot.end(0).no_cycle_lost()?.same_bits(&expected).map(|_| sent)
         });
-        assert!(sent > 100.0 * 5000.0, "{sent} commands are no flood");
+        assert!(sent > 16.0 * 5000.0, "{sent} commands in 5000 ticks are no flood");
         figures.sum("{} commands sent beside the drive, same bits", sent);
     });
     lab.assert_nothing_left("drives beside a flood");
+}
+
+#[test]
+fn a_command_over_the_limits_is_brought_within_them() {
+    const LIMIT_MPS: f64 = 0.02;
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let path = lab.file("corners.csv", CORNERS);
+    // The law goes on asking for twice as much.
+    let limit = format!("limits.v_max_mps={LIMIT_MPS}");
+    let job = ["--path", &*path.to_string_lossy(), "--set", &limit];
+    let expected = simulated(&lab, &job);
+    seeds::each_real("command over the limits", 1..=10, |draw, figures| {
+        let told = unless_spoilt(|attempt| {
+            let robot = Drive::start(&lab, &format!("m{}x{attempt}", draw.seed()), &job, &[]);
+            robot.end(0).same_bits(&expected)
+        });
+        let speeds = told.seen.iter().map(|seen| seen.steps.twist[0].abs());
+        assert!(speeds.clone().all(|speed| speed <= LIMIT_MPS + 1e-12), "over the limit");
+        let limited = speeds.filter(|speed| *speed > LIMIT_MPS - 1e-12).count();
+        assert!(limited > 1000, "{limited} ticks at the limit only");
+        figures.sum("{} ticks under such commands, each within the limit, same bits", limited as f64);
+    });
+    lab.assert_nothing_left("drives over the limit");
 }
 
 #[test]

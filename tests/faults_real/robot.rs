@@ -3,7 +3,7 @@
 use super::controllers::CORNERS;
 use crate::faults::cast::Witness;
 use crate::faults::drive::{Drive, simulated, sleep_ms, unless_spoilt};
-use crate::faults::host::HostWatch;
+use crate::faults::host::{HostWatch, Load};
 use crate::faults::seeds;
 use crate::faults::watch::drive;
 use crate::support::{Lab, PATIENCE, Running, number, pid_of, process, text, wait_until, whole_machine};
@@ -167,4 +167,28 @@ fn a_pause_is_waited_for() {
         figures.sum("{} ticks lost, none hurried, same bits", number(&told.summary, "paused_ticks"));
     });
     lab.assert_nothing_left("drives with pauses");
+}
+
+#[test]
+fn a_load_on_every_core_costs_what_it_costs_a_bare_loop() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let path = lab.file("corners.csv", CORNERS).to_string_lossy().into_owned();
+    let job = ["--path", &*path];
+    let expected = simulated(&lab, &job);
+    seeds::each_real("both cores loaded", 1..=10, |draw, figures| {
+        let (told, bare_ms) = unless_spoilt(|attempt| {
+            let _load = Load::start();
+            let bare = HostWatch::start();
+            let robot = Drive::start(&lab, &format!("b{}x{attempt}", draw.seed()), &job, &[]);
+            let told = robot.end(0).no_cycle_lost()?.same_bits(&expected)?;
+            Ok((told, bare.worst_ms()))
+        });
+        let paused = number(&told.summary, "paused_max_ticks");
+        assert!(paused <= bare_ms.floor() + 1.0, "{paused} ticks; bare loops {bare_ms} ms: {}", told.summary);
+        figures.most("longest pause {} ticks", paused);
+        figures.most("bare loops late by ≤ {} ms", bare_ms);
+        figures.most("a tick's lateness p99 ≤ {} µs", number(&told.summary["lateness_us"], "p99"));
+    });
+    lab.assert_nothing_left("drives beside a load");
 }
