@@ -5,12 +5,11 @@ mod support;
 use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
-use std::hint::black_box;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
+use support::load::Load;
 use support::{Lab, Running, number, quick, text, whole_machine};
 
 /// Swaps in one drive; `HILARE_SWAPS=1000` for a thousand.
@@ -58,15 +57,6 @@ fn held(lab: &Lab, robot: &str) -> Held {
     }
 }
 
-/// Works on every core until told to stop.
-fn load(stop: &AtomicBool) {
-    let mut words = vec![1u64; 1 << 20];
-    while !stop.load(Ordering::Relaxed) {
-        words.iter_mut().for_each(|word| *word = word.rotate_left(7) ^ 5);
-        black_box(&mut words);
-    }
-}
-
 /// Greatest change of speed and yaw rate a tick between two rows of a trace.
 fn steepest(trace: &Path) -> (f64, f64) {
     let text = fs::read_to_string(trace).expect("trace.csv");
@@ -107,27 +97,22 @@ fn hundreds_of_swaps_in_one_drive_beside_a_load() {
     }
     let run = Running::start(command);
     lab.await_status(&robot, "it drives", |status| number(status, "tick") > 300.0);
-    let stop = AtomicBool::new(false);
+    let load = Load::start();
     let (mut done, mut refused, mut early) = (0, String::new(), None);
-    thread::scope(|scope| {
-        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
-            scope.spawn(|| load(&stop));
+    let deadline = Instant::now() + Duration::from_secs(900);
+    while done < wanted && Instant::now() < deadline {
+        let law = ["qp", "kanayama"][done % 2];
+        let ended = lab.hilare(&["swap", "controller", law, "--robot", &robot]);
+        match ended.code {
+            Some(0) => done += 1,
+            _ => drop(writeln!(refused, "{}", ended.stderr)),
         }
-        let _stop = StopOnDrop(&stop);
-        let deadline = Instant::now() + Duration::from_secs(900);
-        while done < wanted && Instant::now() < deadline {
-            let law = ["qp", "kanayama"][done % 2];
-            let ended = lab.hilare(&["swap", "controller", law, "--robot", &robot]);
-            match ended.code {
-                Some(0) => done += 1,
-                _ => drop(writeln!(refused, "{}", ended.stderr)),
-            }
-            // Pools and tables of the processes have their size after some.
-            if done == wanted / 10 && early.is_none() {
-                early = Some(held(&lab, &robot));
-            }
+        // Pools and tables of the processes have their size after some.
+        if done == wanted / 10 && early.is_none() {
+            early = Some(held(&lab, &robot));
         }
-    });
+    }
+    drop(load);
     let (early, late) = (early.expect("a tenth of the swaps"), held(&lab, &robot));
     let status = lab.status(&robot).expect("it is up");
     run.signal(rustix::process::Signal::INT);
@@ -155,14 +140,6 @@ fn hundreds_of_swaps_in_one_drive_beside_a_load() {
 fn controllers(status: &Value) -> usize {
     let processes = status["processes"].as_array().expect("processes").iter();
     processes.filter(|process| process["name"] == "controller" && process["state"] != "leaving").count()
-}
-
-struct StopOnDrop<'s>(&'s AtomicBool);
-
-impl Drop for StopOnDrop<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
 }
 
 /// A robot that drives straight on, under the law it was brought up with.

@@ -121,6 +121,7 @@ const INTRO: &str = "# Faults
 What goes wrong, what must happen, within what bound, and what was measured. Written by the tests:
 
     HILARE_FAULTS_REPORT=$PWD/docs/faults.md HILARE_FAULT_SEEDS=1000 cargo test --release --test faults_virtual
+    HILARE_FAULTS_REPORT=$PWD/docs/faults.md cargo test --release --test faults_real    # HILARE_FAULT_SEEDS=10: at night
 
 \"Virtual time\": every box as a process of its own in one thread, faults drawn from a seed
 ([tests/faults](../tests/faults/mod.rs)). At every tick of every run: wheel speeds and twist within the limits, their

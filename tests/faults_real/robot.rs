@@ -3,9 +3,10 @@
 use super::controllers::CORNERS;
 use crate::faults::cast::Witness;
 use crate::faults::drive::{Drive, simulated, sleep_ms, unless_spoilt};
-use crate::faults::host::{HostWatch, Load};
+use crate::faults::host::HostWatch;
 use crate::faults::seeds;
 use crate::faults::watch::drive;
+use crate::support::load::Load;
 use crate::support::{Lab, PATIENCE, Running, number, pid_of, process, text, wait_until, whole_machine};
 use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;

@@ -8,6 +8,7 @@
 // Every test file uses its own part.
 #![allow(dead_code)]
 
+pub mod load;
 pub mod machine;
 pub mod process;
 pub mod random;

@@ -199,7 +199,7 @@ pub fn swap(args: &SwapArgs) -> VerbResult {
 
 /// An assignment as launch is to read it: a map is looked for, and looked at, here.
 fn with_map_found(assignment: &str) -> Result<String, Failure> {
-    if !assignment.trim_start().starts_with("planner.map") {
+    if assignment.split('=').next().map(str::trim) != Some("planner.map") {
         return Ok(assignment.to_owned());
     }
     let mut probe = System::default();
