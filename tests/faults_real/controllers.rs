@@ -44,7 +44,7 @@ fn a_standby_of_the_same_law_leaves_no_trace() {
     let expected = simulated(&lab, &job);
     let row = "active controller killed, stopped, late, silent, not a number; standby of the same law";
     seeds::each_real(row, 1..=10, |draw, figures| {
-        let (told, blows) = unless_spoilt(|attempt| {
+        let (told, blows) = unless_spoilt(figures, |attempt| {
             let suffix = format!("a{}x{attempt}", draw.seed());
             let with_standby = [&job[..], &["--standby", "kanayama"]].concat();
             let mut robot = Drive::start(&lab, &suffix, &with_standby, &[]);
@@ -69,7 +69,7 @@ fn a_standby_of_another_law_takes_over_within_the_accelerations() {
         "active controller killed or stopped; standby is the predictive law",
         1..=10,
         |draw, figures| {
-            let told = unless_spoilt(|attempt| {
+            let told = unless_spoilt(figures, |attempt| {
                 let set = [format!("limits.accel_mps2={accel}"), format!("limits.accel_radps2={turn}")];
                 let suffix = format!("o{}x{attempt}", draw.seed());
                 let mut robot = Drive::start(&lab, &suffix, &job, &[&set[0], &set[1]]);
@@ -161,7 +161,7 @@ fn a_woken_zombie_is_not_heard() {
     let job = ["--path", &*path.to_string_lossy()];
     let expected = simulated(&lab, &job);
     seeds::each_real("stopped controller, woken when another is in charge", 1..=10, |draw, figures| {
-        let (told, before, heard) = unless_spoilt(|attempt| {
+        let (told, before, heard) = unless_spoilt(figures, |attempt| {
             let suffix = format!("z{}x{attempt}", draw.seed());
             let mut robot =
                 Drive::start(&lab, &suffix, &[&job[..], &["--standby", "kanayama"]].concat(), &[]);
@@ -201,7 +201,7 @@ fn liars_on_the_wire_are_not_heard() {
     let expected = simulated(&lab, &job);
     let rows = ["lower epoch, wrong source, old or repeated seq", "command NaN, infinite"];
     seeds::all_real(&rows, 1..=10, |draw, figures| {
-        let (told, lies) = unless_spoilt(|attempt| {
+        let (told, lies) = unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("n{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(100);
             let liar = Beside::start(&lab, &robot.robot, Role::Liar);
@@ -223,7 +223,7 @@ fn a_solver_at_its_cap_says_so_and_drives_on() {
     let path = lab.file("corners.csv", CORNERS);
     let job = ["--path", &*path.to_string_lossy(), "--controller", "qp"];
     seeds::each_real("QP at its iteration cap, hostile path", 1..=10, |draw, figures| {
-        let told = unless_spoilt(|attempt| {
+        let told = unless_spoilt(figures, |attempt| {
             let suffix = format!("q{}x{attempt}", draw.seed());
             let mut robot = Drive::start(&lab, &suffix, &job, &["controller.qp.max_iterations=1"]);
             robot.await_tick(300);

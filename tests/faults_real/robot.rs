@@ -20,7 +20,7 @@ fn a_robot_whose_launch_is_gone_stands_and_its_processes_go() {
     let lab = Lab::new();
     let path = lab.straight(1.0).to_string_lossy().into_owned();
     seeds::each_real("launch killed, stopped or not heard", 3..=10, |draw, figures| {
-        let (stood, gone_ms) = unless_spoilt(|attempt| {
+        let (stood, gone_ms) = unless_spoilt(figures, |attempt| {
             let suffix = format!("k{}x{attempt}", draw.seed());
             let mut robot = Drive::start(&lab, &suffix, &["--path", &path], &[]);
             robot.await_tick(draw.random.whole(300, 1500));
@@ -145,7 +145,7 @@ fn a_pause_is_waited_for() {
     let job = ["--path", &*path];
     let expected = simulated(&lab, &job);
     seeds::each_real("host takes the cores away", 1..=10, |draw, figures| {
-        let told = unless_spoilt(|attempt| {
+        let told = unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("h{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(300);
             let clock = robot.pid("step_generator");
