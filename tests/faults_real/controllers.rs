@@ -1,13 +1,14 @@
 //! Controllers that die, stop, or lie beside the one in charge.
 
-use crate::faults::cast::{Beside, Role};
+use crate::faults::cast::{Beside, GREED, Role, Witness};
 use crate::faults::drive::{Drive, Told, simulated, sleep_ms, unless_spoilt};
-use crate::faults::host::HostWatch;
+use crate::faults::host::{Bystanders, HostWatch};
 use crate::faults::seeds::{self, Draw, Figures};
 use crate::faults::watch::drive;
 use crate::support::{Lab, number, process, skip, text, whole_machine};
-use hilare_interfaces::messages::Drive as Why;
+use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;
+use serde_json::Value;
 
 /// A way with two corners, about seven seconds.
 pub const CORNERS: &str = "x,y\n0,0\n0.15,0\n0.15,0.1\n0.22,0.1\n";
@@ -88,6 +89,7 @@ fn a_standby_of_another_law_takes_over_within_the_accelerations() {
                 );
                 changes += u32::from(was.source != is.source && was.source != 0);
             }
+            assert!(changes > 0, "no controller took over: {}", told.log);
             figures.sum("{} cycles lost", number(&told.summary, "cycles_without_command"));
             figures.sum("{} changes of controller, each within the accelerations", f64::from(changes));
         },
@@ -112,6 +114,65 @@ fn held_and_ramped(told: &Told, struck: &[u64], figures: &mut Figures) {
     }
 }
 
+/// Kills the only controller while launch stands still, so that none succeeds it; for less than the 75 ticks of
+/// launch's lease, which may be 20 old. The last tick seen before, and whether the host has kept bystanders waiting meanwhile.
+fn strike_without_successor(robot: &mut Drive<'_>) -> (u64, bool) {
+    let controller = robot.pid("controller");
+    let host = Bystanders::start();
+    robot.run.signal(Signal::STOP);
+    let before = robot.witness.newest().tick;
+    process::signal(controller, Signal::KILL);
+    sleep_ms(50);
+    robot.run.signal(Signal::CONT);
+    (before, host.end().boxes_ever())
+}
+
+/// The robot ramped in time after the tick before the controller was killed.
+fn ramped(told: &Told, struck: u64) -> u64 {
+    let ramp = told.after(struck).find(|steps| drive(steps) == Why::Ramp);
+    let ramp = ramp.unwrap_or_else(|| panic!("no ramp after {struck}: {}", told.log)).tick - 1;
+    let mut until = told.after(struck).take_while(|steps| steps.tick <= ramp);
+    assert!(until.all(|steps| matches!(drive(steps), Why::Command | Why::Hold)), "it drove, held and ramped");
+    ramp - struck
+}
+
+/// Ticks from a kill to the ramp: 15 from the first pose left unanswered, which comes within a period; and the
+/// tick of the kill is known from the witness, who is a tick or two behind.
+const RAMP_TICKS: u64 = 15 + 5 + 2;
+
+/// A drive on which the only controller is killed again and again, the last time without a successor.
+struct Alone {
+    told: Told,
+    /// The last tick seen before each kill.
+    struck: Vec<u64>,
+    /// How late the machine itself was meanwhile, ms; of all kills but the last.
+    worst_ms: Vec<f64>,
+    ramp_ticks: u64,
+}
+
+fn drive_alone(mut robot: Drive<'_>, draw: &mut Draw) -> Result<Alone, String> {
+    robot.await_tick(300);
+    let (host, mut struck, mut worst_ms) = (HostWatch::start(), Vec::new(), Vec::new());
+    for restarts in 1..=6 {
+        sleep_ms(draw.random.whole(100, 400));
+        host.worst_ms();
+        struck.push(robot.strike("controller", Signal::KILL).tick);
+        robot.await_successor("controller", restarts);
+        worst_ms.push(host.worst_ms());
+    }
+    sleep_ms(draw.random.whole(100, 400));
+    let (last, stalled) = strike_without_successor(&mut robot);
+    struck.push(last);
+    let told = robot.end(0);
+    assert_eq!(told.summary["reached"], true);
+    let ramp_ticks = ramped(&told, last);
+    // A witness that is kept waiting by the host knows of an older tick only.
+    if ramp_ticks > RAMP_TICKS && stalled {
+        return Err(format!("the ramp starts {ramp_ticks} ticks after the last tick seen"));
+    }
+    Ok(Alone { told, struck, worst_ms, ramp_ticks })
+}
+
 #[test]
 fn alone_it_holds_and_ramps_and_is_soon_back() {
     let _machine = whole_machine();
@@ -121,25 +182,20 @@ fn alone_it_holds_and_ramps_and_is_soon_back() {
     let (mut quiet_ms, mut all_ms) = (Vec::new(), Vec::<f64>::new());
     let row = "active controller killed or stopped; no standby";
     seeds::each_real(row, 2..=10, |draw, figures| {
-        let mut robot = Drive::start(&lab, &format!("l{}", draw.seed()), &job, &[]);
-        robot.await_tick(300);
-        let (host, mut struck, mut worst_ms) = (HostWatch::start(), Vec::new(), Vec::new());
-        for restarts in 1..=6 {
-            sleep_ms(draw.random.whole(100, 400));
-            host.worst_ms();
-            struck.push(robot.strike("controller", Signal::KILL).tick);
-            robot.await_successor("controller", restarts);
-            worst_ms.push(host.worst_ms());
-        }
-        let told = robot.end(0);
-        assert_eq!(told.summary["reached"], true);
+        let Alone { told, struck, worst_ms, ramp_ticks } = unless_spoilt(figures, |attempt| {
+            drive_alone(Drive::start(&lab, &format!("l{}x{attempt}", draw.seed()), &job, &[]), draw)
+        });
+        assert!(ramp_ticks <= RAMP_TICKS, "the ramp starts {ramp_ticks} ticks after the kill");
         held_and_ramped(&told, &struck, figures);
-        let outages = told.outages_ms();
+        let mut outages = told.outages_ms();
         assert_eq!(outages.len(), struck.len(), "{}", told.log);
+        figures.most("ramp starts ≤ {} ticks after the kill where no successor comes", ramp_ticks as f64);
+        figures.sum("{} kills", outages.len() as f64);
+        // For the last one launch stood still.
+        outages.pop();
         all_ms.extend(&outages);
         // Where a bare sleep was late by this much, the successor was, too.
         quiet_ms.extend(outages.iter().zip(&worst_ms).filter(|(_, late)| **late < 5.0).map(|(ms, _)| *ms));
-        figures.sum("{} kills", outages.len() as f64);
         figures.most("ready again after ≤ {} ms", outages.iter().copied().fold(0.0, f64::max));
     });
     println!("outages {all_ms:?}, while the machine itself was in time {quiet_ms:?}");
@@ -212,8 +268,89 @@ fn liars_on_the_wire_are_not_heard() {
         assert!(lies > 1000.0, "{lies} lies only");
         assert_eq!(number(&told.summary, "commands_rejected"), lies, "each is counted");
         figures.sum("{} commands of six kinds of liars refused and counted, same bits", lies);
+        flooded(&lab, draw, figures, &job, &expected);
     });
     lab.assert_nothing_left("drives beside liars");
+}
+
+/// Commands of somebody with no right that come faster than a tick can read them: whoever has the right is heard.
+fn flooded(lab: &Lab, draw: &Draw, figures: &mut Figures, job: &[&str], expected: &Value) {
+    let (told, sent) = unless_spoilt(figures, |attempt| {
+        let mut robot = Drive::start(lab, &format!("w{}x{attempt}", draw.seed()), job, &[]);
+        robot.await_tick(100);
+        let flooder = Beside::start(lab, &robot.robot, Role::Flooder);
+        robot.await_tick(5000);
+        let sent: u64 = flooder.end().parse().expect("how many commands");
+        Ok((robot.end(0).same_bits(expected)?, sent))
+    });
+    assert_eq!(number(&told.summary, "cycles_without_command"), 0.0, "{}", told.summary);
+    let refused = number(&told.summary, "commands_rejected");
+    assert!(refused > 5000.0 && sent > 16 * 1000, "{refused} of {sent} commands were read and refused");
+    figures.sum("{} commands of a flooding liar, 0 cycles lost", sent as f64);
+}
+
+/// The diagonal of wheel speeds, [MH18] (18)–(24), from the wheels: what a command is cut down to.
+fn cut_down([v, omega]: [f64; 2]) -> [f64; 2] {
+    let [v, omega] = [v.clamp(0.0, V_MAX_MPS), omega.clamp(-OMEGA_MAX_RADPS, OMEGA_MAX_RADPS)];
+    let fastest = v.abs() + omega.abs() * TRACK_M / 2.0;
+    let shrink = (WHEEL_MAX_MPS / fastest).min(1.0);
+    [v * shrink, omega * shrink]
+}
+
+/// The e-puck, whose limits are set wider than its wheels allow.
+const V_MAX_MPS: f64 = 0.06;
+const OMEGA_MAX_RADPS: f64 = 2.0;
+const TRACK_M: f64 = 0.054;
+const WHEEL_MAX_MPS: f64 = 3.25 * 0.02;
+
+#[test]
+fn what_asks_for_too_much_gets_what_the_wheels_can_do_on_the_same_curve() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let path = lab.straight(1.0).to_string_lossy().into_owned();
+    seeds::each_real("command over the limits", 1..=10, |draw, figures| {
+        let robot = lab.robot_named(&format!("x{}", draw.seed()));
+        let tell = |args: &[&str]| lab.hilare(&[args, &["--robot", &robot]].concat()).expect_code(0);
+        let set =
+            [format!("limits.v_max_mps={V_MAX_MPS}"), format!("limits.omega_max_radps={OMEGA_MAX_RADPS}")];
+        let keep = "timing.pause_stop_ticks=0";
+        tell(&["up", "--detach", "--set", &set[0], "--set", &set[1], "--set", keep]);
+        tell(&["follow", &path]);
+        let mut witness = Witness::start(&lab, &robot);
+        tell(&["arm"]);
+        witness.await_tick(draw.random.whole(200, 800));
+        let greedy = Beside::start(&lab, &robot, Role::Greedy);
+        let from = witness.newest().tick;
+        witness.await_tick(from + 2000);
+        let to = witness.newest().tick;
+        let sent: f64 = greedy.end().parse().expect("how many commands");
+        tell(&["down"]);
+        let seen = witness.end();
+        let wanted = GREED.map(cut_down);
+        let is = |steps: &Steps, [v, omega]: [f64; 2]| {
+            (steps.twist[0] - v).abs() < 1e-12 && (steps.twist[2] - omega).abs() < 1e-12
+        };
+        let mut times = [0u32; GREED.len()];
+        for steps in seen.iter().map(|seen| &seen.steps) {
+            let rim = [1.0, -1.0].map(|side| steps.twist[0] + side * steps.twist[2] * TRACK_M / 2.0);
+            assert!(rim.iter().all(|speed| speed.abs() <= WHEEL_MAX_MPS + 1e-12), "{rim:?} m/s: {steps:?}");
+        }
+        let driven = seen.iter().map(|seen| seen.steps).filter(|steps| (from..to).contains(&steps.tick));
+        for steps in driven.filter(|steps| drive(steps) == Why::Command) {
+            if let Some(kind) = wanted.iter().position(|wanted| is(&steps, *wanted)) {
+                times[kind] += 1;
+            } else {
+                // The controller itself, until it is outdone.
+                assert_eq!(times, [0; GREED.len()], "neither of {wanted:?}: {steps:?}");
+            }
+        }
+        assert!(times.iter().all(|ticks| *ticks > 200), "{times:?} ticks of {sent} commands of each kind");
+        figures.sum(
+            "{} ticks of commands over the limits, each at the bound, on its curve",
+            times.iter().sum::<u32>().into(),
+        );
+    });
+    lab.assert_nothing_left("a robot that is asked for too much");
 }
 
 #[test]
