@@ -273,13 +273,23 @@ fn liars_on_the_wire_are_not_heard() {
     lab.assert_nothing_left("drives beside liars");
 }
 
-/// Commands of somebody with no right that come faster than a tick can read them: whoever has the right is heard.
-fn flooded(lab: &Lab, draw: &Draw, figures: &mut Figures, job: &[&str], expected: &Value) {
+/// Commands of somebody with no right that come faster than a tick can read them: whoever has the right is heard,
+/// also who joined the wire after the liar.
+fn flooded(lab: &Lab, draw: &mut Draw, figures: &mut Figures, job: &[&str], expected: &Value) {
+    let job = [job, &["--standby", "kanayama"]].concat();
     let (told, sent) = unless_spoilt(figures, |attempt| {
-        let mut robot = Drive::start(lab, &format!("w{}x{attempt}", draw.seed()), job, &[]);
+        let mut robot = Drive::start(lab, &format!("w{}x{attempt}", draw.seed()), &job, &[]);
         robot.await_tick(100);
         let flooder = Beside::start(lab, &robot.robot, Role::Flooder);
+        for kills in 1..=4 {
+            robot.await_tick(1000 * kills);
+            robot.await_standby();
+            robot.strike("controller", Signal::KILL);
+        }
         robot.await_tick(5000);
+        // No place on the wire has become free for this one: it comes behind the liar.
+        let swap = ["swap", "controller", "kanayama", "--robot", &robot.robot];
+        lab.hilare(&swap).expect_code(0);
         let sent: u64 = flooder.end().parse().expect("how many commands");
         Ok((robot.end(0).same_bits(expected)?, sent))
     });
