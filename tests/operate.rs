@@ -267,3 +267,25 @@ fn a_program_that_is_replaced_drives_on_as_it_was() {
     launch.wait(support::PATIENCE).expect_code(0);
     lab.assert_nothing_left("a robot whose program was replaced");
 }
+
+/// A pause longer than the policy allows: the robot stands, says why, and goes on when it is armed again.
+#[test]
+fn after_a_long_pause_it_says_so_and_drives_on_once_armed() {
+    let lab = Lab::new();
+    let robot = Robot::up(&lab, lab.robot(), &[]);
+    robot.tell(&["follow", &lab.straight(1.0).to_string_lossy()]);
+    robot.tell(&["arm"]);
+    let status = robot.await_speed();
+    let clock = pid_of(&status, "step_generator");
+    support::process::signal(clock, rustix::process::Signal::STOP);
+    std::thread::sleep(Duration::from_millis(200));
+    support::process::signal(clock, rustix::process::Signal::CONT);
+    let halted = robot.await_status("it has stopped", |status| status["mode"] == "stop");
+    let why = text(&halted, "fault");
+    assert!(why.contains("paused for") && why.contains("hilare arm"), "{halted}");
+    robot.tell(&["arm"]);
+    let status = robot.await_speed();
+    assert!(status["fault"].is_null(), "{status}");
+    robot.tell(&["down"]);
+    lab.assert_nothing_left("a robot that was paused");
+}

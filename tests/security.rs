@@ -260,7 +260,7 @@ fn names_in_shared_memory_that_somebody_took_first_are_refused_and_not_followed(
     if !root {
         support::skip("names taken by another user", "only root can give files away");
     }
-    for name in ["-lock", ".squat"] {
+    for name in ["-lock", "-estop", ".squat"] {
         for (kind, owner) in [("file", Some(NOBODY)), ("link", Some(NOBODY)), ("dir", Some(NOBODY))]
             .into_iter()
             .filter(|_| root)

@@ -322,3 +322,28 @@ fn parameters_of_planner_and_selector_change_under_way() {
     assert!((number(&after, "speed_mps") - 0.02).abs() < 2e-3, "{after}");
     robot.down();
 }
+
+/// A box that dies as soon as it is born is waited with; swapped meanwhile, it is one process, not two.
+#[test]
+fn a_box_that_is_about_to_be_started_again_is_started_once() {
+    let lab = Lab::new();
+    let robot = Driving::up(&lab, &["--set", "supervision.restart_budget=1000"]);
+    let planners = || -> Vec<i32> {
+        let all = lab.processes().into_iter();
+        all.filter(|(_, line)| line.contains("service planner")).map(|(pid, _)| pid).collect()
+    };
+    for _ in 0..5 {
+        // Until it is young no more, each death is followed by a longer wait.
+        for _ in 0..5 {
+            support::wait_until("a planner", || !planners().is_empty());
+            let killed = planners();
+            killed.iter().for_each(|pid| support::process::signal(*pid, rustix::process::Signal::KILL));
+            support::wait_until("it is gone", || planners().iter().all(|pid| !killed.contains(pid)));
+        }
+        robot.swap(&["planner"]);
+        // Whoever else was to be started would be there by now.
+        thread::sleep(Duration::from_millis(400));
+        assert_eq!(planners().len(), 1, "{}", robot.status());
+    }
+    robot.down();
+}

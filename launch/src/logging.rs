@@ -101,7 +101,7 @@ const LINES_MAX: u32 = 200;
 
 /// The lines of a worker in the second under way.
 struct Talk {
-    process: String,
+    slot: usize,
     since: Instant,
     lines: u32,
 }
@@ -160,11 +160,11 @@ impl LogSink {
 
     /// A line of a worker's standard error; what is not a log line (a panic) is made one. Of a worker that
     /// floods its log the rest of the second is left out, and how much that was is said.
-    pub fn worker_line(&self, process: &str, line: &str) {
+    pub fn worker_line(&self, slot: usize, process: &str, line: &str) {
         if line.trim().is_empty() {
             return;
         }
-        let (left_out, too_many) = self.with(|sink| sink.talk_of(process).count(Instant::now()));
+        let (left_out, too_many) = self.with(|sink| sink.talk_of(slot).count(Instant::now()));
         if left_out > 0 {
             self.line(Level::WARN, &format!("{} {left_out} lines left out", head("WARN", process)));
         }
@@ -195,9 +195,9 @@ impl LogSink {
 }
 
 impl Sink {
-    fn talk_of(&mut self, process: &str) -> &mut Talk {
-        let place = self.talk.iter().position(|talk| talk.process == process).unwrap_or_else(|| {
-            self.talk.push(Talk { process: process.to_owned(), since: Instant::now(), lines: 0 });
+    fn talk_of(&mut self, slot: usize) -> &mut Talk {
+        let place = self.talk.iter().position(|talk| talk.slot == slot).unwrap_or_else(|| {
+            self.talk.push(Talk { slot, since: Instant::now(), lines: 0 });
             self.talk.len() - 1
         });
         &mut self.talk[place]
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn a_flood_is_cut_and_counted_and_the_next_second_is_another() {
         let start = Instant::now();
-        let mut talk = Talk { process: "plant".to_owned(), since: start, lines: 0 };
+        let mut talk = Talk { slot: 0, since: start, lines: 0 };
         let kept = (0..1000).filter(|_| talk.count(start) == (0, false)).count();
         assert_eq!(kept, LINES_MAX as usize);
         assert_eq!(talk.count(start + Duration::from_secs(1)), (1000 - LINES_MAX, false));

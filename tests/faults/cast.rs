@@ -2,7 +2,7 @@
 //!
 //! * witness: reads the step generator's wire along and writes down every tick it saw, with the time;
 //! * liar: sends commands of those who may not command, one of each kind a control cycle;
-//! * flooder: sends far more commands than a tick can read, of somebody nobody knows;
+//! * flooder: sends as many commands as it can get rid of;
 //! * greedy: commands in the name of the controller in charge, and ahead of it, far beyond the limits;
 //! * foreigner: a program of another build, whose messages are laid out otherwise.
 //!
@@ -34,7 +34,7 @@ pub enum Role {
     Witness,
     /// Commands without right.
     Liar,
-    /// Commands without right, and without end.
+    /// Commands without right, more than there is room for.
     Flooder,
     /// Commands too much in the name of who may.
     Greedy,
@@ -161,21 +161,15 @@ fn once_a_cycle<const N: usize>(domain: &Domain, file: &Path, write: fn(&Steps) 
     fs::write(file, sent.to_string()).expect("its count");
 }
 
-/// Commands a millisecond of a flood; a tick reads a fraction of them, and the wire holds less.
-const FLOOD: u64 = 200;
-
-/// Commands of nobody, so many that others have no room beside them, until told to end.
+/// More commands a tick than a wire has room for, until told to end.
 fn flood(domain: &Domain, file: &Path) {
-    let steps_in = patiently(|| domain.input::<Steps>(&wires::STEPS));
     let commands = patiently(|| domain.output::<messages::Command>(&wires::COMMAND));
-    steps_in.connect();
     commands.connect();
-    let (mut sent, mut newest) = (0u64, Steps::ZERO);
+    let mut sent = 0u64;
     while !told_to_end(file) {
-        newest = steps_in.last().unwrap_or(newest);
-        let nobody = messages::Command { source: newest.in_charge + 40, ..wild(&newest) };
-        sent += (0..FLOOD).map(|_| u64::from(commands.send(&nobody))).sum::<u64>();
-        std::thread::sleep(Duration::from_millis(1));
+        let stranger = messages::Command { source: 99, seq: sent, ..messages::Command::ZERO };
+        sent += (0..2 * wires::COMMAND.buffer).map(|_| u64::from(commands.send(&stranger))).sum::<u64>();
+        std::thread::sleep(Duration::from_micros(300));
     }
     fs::write(file, sent.to_string()).expect("its count");
 }

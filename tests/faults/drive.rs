@@ -158,6 +158,19 @@ impl Told {
         )
     }
 
+    /// Every cycle had a command of its own. Why the host has spoilt it, if not for that reason.
+    #[track_caller]
+    pub fn no_cycle_lost(self) -> Result<Self, String> {
+        if number(&self.summary, "cycles_without_command") == 0.0 {
+            return Ok(self);
+        }
+        let spoilt = self.spoilt();
+        spoilt.map_or_else(
+            || panic!("cycles were lost, {:?}\n{}\n{}", self.stalls, self.summary, self.log),
+            Err,
+        )
+    }
+
     /// What a box that died left the robot without, ms each, from the log.
     pub fn outages_ms(&self) -> Vec<f64> {
         let of = |line: &str| {

@@ -3,11 +3,10 @@
 
 use crate::support::{Lab, Running};
 use hilare::config::System;
-use hilare::manager::LAUNCH_PRIORITY;
 use hilare::shell::page::monotonic_ns;
 use hilare::shell::realtime::{self, CpuChoice, Request};
 use hilare_interfaces::wires::Role;
-use rustix::thread::{ClockId, clock_nanosleep_absolute};
+use rustix::thread::{ClockId, CpuSet, clock_nanosleep_absolute, sched_getaffinity};
 use rustix::time::Timespec;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -145,37 +144,45 @@ struct Wake {
     late_ns: u64,
 }
 
-/// A bare timer loop beside a test, a wake-up a tick: how late the machine itself is with anything that sleeps.
+/// Bare timer loops beside a test, a wake-up a tick: how late the machine itself is with anything that sleeps.
 pub struct HostWatch {
     stop: Arc<AtomicBool>,
     wakes: Arc<Mutex<Vec<Wake>>>,
-    thread: Option<JoinHandle<()>>,
+    threads: Vec<JoinHandle<()>>,
 }
 
+/// Above all of the robot, where that is allowed: no box, healthy or not, keeps such a loop waiting.
+const WATCH_PRIORITY: u64 = 90;
+
 impl HostWatch {
-    /// Begins to watch, with the priority of anybody.
+    /// Begins to watch every processor, above all of the robot.
     pub fn start() -> Self {
-        Self::start_on(CpuChoice::Any, 0)
+        let allowed = sched_getaffinity(None).expect("processors");
+        let cpus = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu));
+        Self::start_on(cpus.map(CpuChoice::Number), WATCH_PRIORITY)
     }
 
-    /// Begins to watch on a processor and with a priority of SCHED_FIFO, as far as the kernel grants them.
-    pub fn start_on(cpu: CpuChoice, priority: u64) -> Self {
+    /// Begins to watch processors with a priority of SCHED_FIFO, as far as the kernel grants them.
+    pub fn start_on(cpus: impl IntoIterator<Item = CpuChoice>, priority: u64) -> Self {
         let (stop, wakes) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
-        let (stops, all) = (Arc::clone(&stop), Arc::clone(&wakes));
-        let thread = std::thread::spawn(move || {
-            realtime::apply(Request { priority, cpu, lock_memory: false });
-            let mut due_ns = monotonic_ns();
-            while !stops.load(Ordering::Relaxed) {
-                due_ns += TICK_NS;
-                let (tv_sec, tv_nsec) = (due_ns / 1_000_000_000, due_ns % 1_000_000_000);
-                let deadline = Timespec { tv_sec: tv_sec as i64, tv_nsec: tv_nsec as i64 };
-                while clock_nanosleep_absolute(ClockId::Monotonic, &deadline).is_err() {}
-                let late_ns = monotonic_ns().saturating_sub(due_ns);
-                all.lock().unwrap_or_else(PoisonError::into_inner).push(Wake { due_ns, late_ns });
-                due_ns += late_ns / TICK_NS * TICK_NS;
-            }
-        });
-        Self { stop, wakes, thread: Some(thread) }
+        let watch = |cpu: CpuChoice| {
+            let (stops, all) = (Arc::clone(&stop), Arc::clone(&wakes));
+            std::thread::spawn(move || {
+                realtime::apply(Request { priority, cpu, lock_memory: false });
+                let mut due_ns = monotonic_ns();
+                while !stops.load(Ordering::Relaxed) {
+                    due_ns += TICK_NS;
+                    let (tv_sec, tv_nsec) = (due_ns / 1_000_000_000, due_ns % 1_000_000_000);
+                    let deadline = Timespec { tv_sec: tv_sec as i64, tv_nsec: tv_nsec as i64 };
+                    while clock_nanosleep_absolute(ClockId::Monotonic, &deadline).is_err() {}
+                    let late_ns = monotonic_ns().saturating_sub(due_ns);
+                    all.lock().unwrap_or_else(PoisonError::into_inner).push(Wake { due_ns, late_ns });
+                    due_ns += late_ns / TICK_NS * TICK_NS;
+                }
+            })
+        };
+        let threads = cpus.into_iter().map(watch).collect();
+        Self { stop, wakes, threads }
     }
 
     fn take(&self) -> Vec<Wake> {
@@ -198,34 +205,31 @@ impl HostWatch {
 impl Drop for HostWatch {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
+        self.threads.drain(..).for_each(|thread| drop(thread.join()));
     }
 }
 
 /// Bare loops beside a drive: what the host did to everybody cannot be the doing of a fault, and only what it did
 /// to them excuses the robot.
 pub struct Bystanders {
-    /// Runs where and when a controller, the least urgent box of the tick, runs.
-    box_of_tick: HostWatch,
-    /// Runs when launch runs, which renews the lease.
-    launch: HostWatch,
+    /// Where the boxes of the tick run.
+    boxes: HostWatch,
+    everywhere: HostWatch,
 }
 
 /// When the host has kept the bystanders of a drive waiting for a tick or more: from, until, ns.
 #[derive(Clone, Debug)]
 pub struct Stalls {
     boxes: Vec<(u64, u64)>,
-    launch: Vec<(u64, u64)>,
+    everywhere: Vec<(u64, u64)>,
 }
 
 impl Bystanders {
     /// Begins to watch.
     pub fn start() -> Self {
-        let controller = System::load("epuck").expect("built in").realtime(Role::Controller);
-        Self {
-            box_of_tick: HostWatch::start_on(CpuChoice::from_key(controller.cpu), controller.priority),
-            launch: HostWatch::start_on(CpuChoice::Any, LAUNCH_PRIORITY),
-        }
+        let clock = System::load("epuck").expect("built in").realtime(Role::StepGenerator);
+        let boxes = HostWatch::start_on([CpuChoice::from_key(clock.cpu)], WATCH_PRIORITY);
+        Self { boxes, everywhere: HostWatch::start() }
     }
 
     /// What the host did to them.
@@ -234,7 +238,7 @@ impl Bystanders {
             let late = watch.take().into_iter().filter(|wake| wake.late_ns >= TICK_NS);
             late.map(|wake| (wake.due_ns, wake.due_ns + wake.late_ns)).collect()
         };
-        Stalls { boxes: stalls(self.box_of_tick), launch: stalls(self.launch) }
+        Stalls { boxes: stalls(self.boxes), everywhere: stalls(self.everywhere) }
     }
 }
 
@@ -251,9 +255,9 @@ impl Stalls {
         !self.boxes.is_empty()
     }
 
-    /// True if launch could not renew its lease when it was due.
+    /// True if launch, which runs anywhere, may have been kept from renewing its lease when it was due.
     pub fn lease(&self) -> bool {
         const RENEWAL_NS: u64 = 20 * TICK_NS;
-        self.boxes.iter().chain(&self.launch).any(|(from, until)| until - from >= RENEWAL_NS)
+        self.everywhere.iter().any(|(from, until)| until - from >= RENEWAL_NS)
     }
 }

@@ -52,6 +52,7 @@ pub const ROWS: &[Row] = &[
     ),
     row("lower epoch, wrong source, old or repeated seq", "ignored, counted", "same tick, same bits"),
     row("stopped controller, woken when another is in charge", "ignored, counted", "same tick, same bits"),
+    row("flood of commands of a stranger", "every other command is heard", "0 cycles lost, same bits"),
     row("command NaN, infinite", "rejected, counted, does not refresh its age", "same tick"),
     row("command over the limits", "scaled to the constraint set, curvature kept", "same tick"),
     row("QP at its iteration cap, hostile path", "feasible fallback, health degraded", "same cycle"),
@@ -80,6 +81,7 @@ pub const ROWS: &[Row] = &[
     ),
     row("launch killed, stopped or not heard", "the lease runs out, the robot stops", "stop ≤ 100 ticks"),
     row("e-stop, then any process killed", "latched through every restart until reset", "1 tick"),
+    row("both cores loaded", "jitter stays that of a bare timer loop in the same run", "whole run"),
     row("host takes the cores away", "pause, no burst, same bits; a long pause stops", "0 ticks hurried"),
     row(
         "everything at once",
@@ -114,7 +116,8 @@ const INTRO: &str = "# Faults
 
 What goes wrong, what must happen, within what bound, and what was measured. Written by the tests:
 
-    HILARE_FAULTS_REPORT=$PWD/docs/faults.md HILARE_FAULT_SEEDS=1000 cargo test --release --test faults_virtual
+    HILARE_FAULTS_REPORT=$PWD/docs/faults.md HILARE_FAULT_SEEDS=1000 \\
+        cargo test --release --test faults_virtual --test faults_real
 
 \"Virtual time\": every box as a process of its own in one thread, faults drawn from a seed
 ([tests/faults](../tests/faults/mod.rs)). At every tick of every run: wheel speeds and twist within the limits, their

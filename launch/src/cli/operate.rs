@@ -3,7 +3,7 @@
 use super::{VerbResult, print, refused};
 use crate::config::{Driver, System};
 use crate::manager::control::{Request, Response, ask};
-use crate::manager::robot_dir::{Living, estop_latch, latched_robots, living_robots, log_path};
+use crate::manager::robot_dir::{Living, latched_robots, living_robots, log_path, unlatch_estop};
 use crate::manager::{Failure, status::Status};
 use clap::Args;
 use std::fs::File;
@@ -128,8 +128,7 @@ pub fn reset(args: &RobotArgs) -> VerbResult {
         (None, [only]) => only,
         _ => return Err(failure),
     };
-    let latch = estop_latch(robot);
-    std::fs::remove_file(&latch).map_err(|error| refused(format!("{}: {error}", latch.display())))?;
+    unlatch_estop(robot).map_err(refused)?;
     show(&Response::done(format!("emergency stop of {robot} released; it is not up")), args.json)
 }
 

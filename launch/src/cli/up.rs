@@ -7,11 +7,13 @@ use crate::logging::{self, LogSink};
 use crate::manager::children::this_program;
 use crate::manager::control::{Request, ask};
 use crate::manager::join::Workers;
+use crate::manager::notify::LONGEST_START;
 use crate::manager::robot_dir::{log_path, socket_path};
 use crate::manager::{Claim, Failure, Job, Manager};
 use crate::shell::ClockKind;
 use clap::Args;
 use hilare_interfaces::messages::Mode;
+use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -138,7 +140,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         .stderr(Stdio::piped())
         .spawn()
         .map_err(fault)?;
-    let deadline = Instant::now() + Duration::from_secs(15);
+    let deadline = Instant::now() + LONGEST_START;
     loop {
         if child.try_wait().map_err(fault)?.is_some() {
             return Err(why_it_ended(&mut child));
@@ -162,8 +164,14 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
             return Ok(ExitCode::SUCCESS);
         }
         if Instant::now() > deadline {
-            let _ = child.kill();
-            return Err(Failure::Fault("launch did not come up within 15 s".to_owned()));
+            // It ends its workers.
+            if let Some(pid) = Pid::from_raw(child.id().cast_signed()) {
+                let _ = kill_process(pid, Signal::TERM);
+            }
+            return Err(Failure::Fault(format!(
+                "launch did not come up within {LONGEST_START:?}; why is in {}",
+                log.display()
+            )));
         }
         std::thread::sleep(Duration::from_millis(20));
     }

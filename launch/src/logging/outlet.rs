@@ -4,12 +4,12 @@
 //! the robot's lease: it never waits for any of them.
 
 use super::head;
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
 use indicatif::{ProgressDrawTarget, TermLike};
 use rustix::termios::tcgetwinsize;
 use std::io::{self, Write};
 use std::mem;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -25,6 +25,8 @@ const DRAWN_HZ: u8 = 20;
 pub(super) struct Outlet {
     queue: Sender<Piece>,
     left_out: Arc<AtomicU64>,
+    /// It was waited for in vain.
+    stuck: Arc<AtomicBool>,
 }
 
 enum Piece {
@@ -40,7 +42,7 @@ impl Outlet {
         let left_out = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&left_out);
         std::thread::Builder::new().name("log".to_owned()).spawn(move || write(to, &pieces, &counted))?;
-        Ok(Self { queue, left_out })
+        Ok(Self { queue, left_out, stuck: Arc::default() })
     }
 
     /// A line; counted if there is no room for it.
@@ -56,13 +58,14 @@ impl Outlet {
         ProgressDrawTarget::term_like_with_hz(Box::new(screen), DRAWN_HZ)
     }
 
-    /// Waits until everything is written; not for ever.
+    /// Waits until everything is written; not for ever, and not twice for one that is stuck.
     pub fn flush(&self) {
         let (done, written) = bounded(0);
-        let deadline = Instant::now() + PATIENCE;
-        if self.queue.send_deadline(Piece::End(done), deadline).is_ok() {
-            let _ = written.recv_deadline(deadline);
-        }
+        let patience = if self.stuck.load(Ordering::Relaxed) { Duration::ZERO } else { PATIENCE };
+        let deadline = Instant::now() + patience;
+        let sent = self.queue.send_deadline(Piece::End(done), deadline).is_ok();
+        let in_time = sent && written.recv_deadline(deadline) == Err(RecvTimeoutError::Disconnected);
+        self.stuck.store(!in_time, Ordering::Relaxed);
     }
 }
 
@@ -139,7 +142,10 @@ impl TermLike for Screen {
     fn flush(&self) -> io::Result<()> {
         let frame = mem::take(&mut *self.frame.lock().unwrap_or_else(PoisonError::into_inner));
         if !frame.is_empty() {
-            let _ = self.outlet.queue.try_send(Piece::Text(frame));
+            let lines = frame.matches('\n').count() as u64;
+            if let Err(TrySendError::Full(_)) = self.outlet.queue.try_send(Piece::Text(frame)) {
+                self.outlet.left_out.fetch_add(lines, Ordering::Relaxed);
+            }
         }
         Ok(())
     }

@@ -37,11 +37,12 @@ impl Manager {
                 Response::done("emergency stop; hilare reset releases it")
             }
             Request::Reset => {
-                if self.mode() == Mode::EStop {
-                    let _ = self.set_mode(Mode::Disarmed);
-                    Response::done("emergency stop released; the robot is disarmed (hilare arm)")
-                } else {
+                if self.mode() != Mode::EStop {
                     Response::done("no emergency stop is on; nothing to release")
+                } else if let Err(why) = self.set_mode(Mode::Disarmed) {
+                    Response::refused(why)
+                } else {
+                    Response::done("emergency stop released; the robot is disarmed (hilare arm)")
                 }
             }
             Request::Down => {
@@ -108,6 +109,19 @@ impl Manager {
         let _ = goal.reply.send(response);
     }
 
+    /// Whose command was refused last, and why.
+    fn last_refusal(&self) -> String {
+        let steps = &self.newest.steps;
+        let why = Refusal::from_code(steps.refusal).map_or("unknown", Refusal::label);
+        let slot = usize::try_from(steps.refused_source).ok().and_then(|source| source.checked_sub(1));
+        let member = slot.and_then(|slot| self.members.get(slot));
+        let whose = match member.filter(|member| member.driver.is_some()) {
+            Some(member) => member.name(),
+            None => format!("a program that is none of the robot's (source {})", steps.refused_source),
+        };
+        format!("the last one, of {whose}: {why}")
+    }
+
     /// Everything there is to know.
     pub fn status(&self) -> Status {
         let Newest { steps, pose, reference } = &self.newest;
@@ -130,10 +144,7 @@ impl Manager {
             omega_radps: twist.omega_radps,
             commands_late: steps.commands_late,
             commands_rejected: steps.commands_rejected,
-            last_refusal: (steps.refusal != Refusal::None.code()).then(|| {
-                let why = Refusal::from_code(steps.refusal).map_or("unknown", Refusal::label);
-                format!("the last one, of source {}: {why}", steps.refused_source)
-            }),
+            last_refusal: (steps.refusal != Refusal::None.code()).then(|| self.last_refusal()),
             cycles_without_command: steps.cycles_without_command,
             paused_ticks: steps.paused_ticks,
             fault: self.fault.clone().or_else(|| self.halted.clone()),

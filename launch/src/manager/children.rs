@@ -14,7 +14,7 @@ use std::ffi::CString;
 use std::io::{self, BufRead, BufReader, Read, pipe};
 use std::os::fd::OwnedFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -82,8 +82,8 @@ pub(crate) fn name_this_process() {
     }
 }
 
-/// Starts a worker. Its end comes as [`Event::Died`], its standard error goes to the log, its
-/// standard output comes as [`Event::Output`].
+/// Starts a worker. Its end comes as [`Event::Died`]; what it prints goes to the log, but what the recorder prints on
+/// its standard output comes as [`Event::Output`].
 ///
 /// From the thread that calls it: workers die with this thread (PDEATHSIG).
 pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Result<Running> {
@@ -103,46 +103,53 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
         // What a program that is not ours prints belongs in the log.
         command.stdout(said.try_clone()?).stderr(said);
     }
-    let mut child = command.spawn()?;
-    // Its ends of the pipe are the child's alone: when it is gone, the reader sees the end.
-    drop(command);
-    let pid = child.id();
-    let raw = Pid::from_child(&child);
-    let pidfd = Arc::new(pidfd_open(raw, PidfdFlags::empty())?);
     let threads = || std::thread::Builder::new().stack_size(STACK);
-    let (sink, name, (last, last_words)) = (log.clone(), what.role.name(), bounded(1));
+    let (sink, name, slot) = (log.clone(), what.role.name(), what.slot);
+    let (last, last_words) = bounded(1);
     threads().spawn(move || {
         let mut newest = String::new();
         for_each_line(errors, |line| {
-            sink.worker_line(name, line);
+            sink.worker_line(slot, name, line);
             if !line.trim().is_empty() {
                 line.clone_into(&mut newest);
             }
         });
         let _ = last.send(newest);
     })?;
-    let output = child.stdout.take();
-    // Nobody reads what others print; a flood of it must not fill launch's memory.
-    let is_heard = what.role == Role::Recorder;
+    // Its watcher is there before it is: what nobody watches must not live.
+    let (born, birth) = bounded::<(Child, Arc<OwnedFd>)>(1);
     let (kills_before, realtime) = (memory_kills(), what.realtime);
-    let (events, watched, slot, incarnation) =
-        (events.clone(), Arc::clone(&pidfd), what.slot, what.incarnation);
+    let (events, incarnation) = (events.clone(), what.incarnation);
     threads().spawn(move || {
-        if let Some(output) = output {
+        let Ok((mut child, pidfd)) = birth.recv() else { return };
+        if let Some(output) = child.stdout.take() {
             for_each_line(output, |line| {
-                if is_heard {
-                    let _ = events.send(Event::Output { slot, line: line.to_owned() });
-                }
+                let _ = events.send(Event::Output { slot, line: line.to_owned() });
             });
         }
         if realtime {
             let _ = set_fifo(WATCH_PRIORITY, false);
         }
-        wait(&watched);
+        wait(&pidfd);
         let how = describe(child.wait().ok(), kills_before);
         let _ = events.send(Event::Died { slot, incarnation, how });
     })?;
-    Ok(Running { pid, pidfd, last_words: Some(last_words) })
+    let mut child = command.spawn()?;
+    // Its ends of the pipe are the child's alone: when it is gone, the reader sees the end.
+    drop(command);
+    let pid = child.id();
+    match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
+        Ok(pidfd) => {
+            let pidfd = Arc::new(pidfd);
+            let _ = born.send((child, Arc::clone(&pidfd)));
+            Ok(Running { pid, pidfd, last_words: Some(last_words) })
+        }
+        Err(error) => {
+            let _ = child.kill();
+            let _ = child.wait();
+            Err(error.into())
+        }
+    }
 }
 
 fn for_each_line(from: impl Read, mut act: impl FnMut(&str)) {

@@ -22,7 +22,7 @@ const MAX_REQUEST: usize = 8 << 20;
 /// Longest answer: every process of a robot, each with its reason.
 const MAX_RESPONSE: u64 = 1 << 20;
 /// How long an answer is waited for.
-const PATIENCE: Duration = Duration::from_secs(10);
+pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// What can be asked of a launch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -58,15 +58,16 @@ impl Manager {
         self.leaving = true;
         self.page.set_phase(Phase::Leave);
         let started = Instant::now();
-        let mut told = false;
+        let mut harder =
+            [(LEAVE_PATIENCE / 2, Signal::TERM), (LEAVE_PATIENCE, Signal::KILL)].into_iter().peekable();
         while self.members.iter().any(|member| member.running.is_some()) {
             self.step(Duration::from_millis(5));
-            let waited = started.elapsed();
-            if waited > LEAVE_PATIENCE {
-                self.signal_all(Signal::KILL);
-            } else if waited > LEAVE_PATIENCE / 2 && !told {
-                told = true;
-                self.signal_all(Signal::TERM);
+            if let Some((_, signal)) = harder.next_if(|(after, _)| started.elapsed() > *after) {
+                self.signal_all(signal);
+            }
+            // The kernel lets nobody go who waits for a device; its page is no reason to wait with it.
+            if started.elapsed() > LEAVE_PATIENCE + REST_PATIENCE {
+                return self.signal_all(Signal::KILL);
             }
         }
     }
@@ -74,7 +75,7 @@ impl Manager {
     fn signal_all(&self, signal: Signal) {
         for member in &self.members {
             if let Some(running) = &member.running {
-                warn!("{} does not leave: {signal:?}", member.role.name());
+                warn!("{} (pid {}) does not leave: {signal:?}", member.name(), running.pid);
                 running.signal(signal);
             }
         }

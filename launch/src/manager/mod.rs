@@ -29,7 +29,7 @@ use crossbeam_channel::{Receiver, Sender, unbounded};
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Authority, GoalHeader, Health, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
+    Answer, Authority, Drive, GoalHeader, Health, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
 };
 use hilare_interfaces::wires::{self, Role};
 use join::Workers;
@@ -263,7 +263,7 @@ impl Manager {
             self.respawn_due(now);
             self.welcome();
             self.look_for_the_hung();
-            self.goals.retain(|goal| now.duration_since(goal.since) < Duration::from_secs(5));
+            self.goals.retain(|goal| now.duration_since(goal.since) < control::PATIENCE);
         }
         self.look();
         self.judge_swap();
@@ -290,6 +290,10 @@ impl Manager {
         if let Some(steps) = self.ports.steps.last() {
             self.newest.steps = steps;
             self.follow_promotion();
+            if steps.drive == Drive::PauseStop.code() && self.authority.mode == Mode::Armed.code() {
+                let (pause, limit) = (steps.paused_max_ticks, self.job.system.timing.pause_stop_ticks);
+                self.halt(Mode::Stop, &format!("paused for {pause} ticks (timing.pause_stop_ticks {limit})"));
+            }
         }
         if let Some(pose) = self.ports.pose.last() {
             self.newest.pose = Some(pose);
@@ -329,20 +333,19 @@ impl Manager {
             }
             _ => {}
         }
-        if wanted == Mode::EStop {
-            let latch = robot_dir::estop_latch(&self.job.system.robot);
-            if let Err(error) = std::fs::write(&latch, b"") {
-                warn!(
-                    "{}: {error}: the emergency stop will not outlast a restart of launch",
-                    latch.display()
-                );
-            }
-        } else if now == Mode::EStop {
-            let _ = std::fs::remove_file(robot_dir::estop_latch(&self.job.system.robot));
+        let robot = &self.job.system.robot;
+        if now == Mode::EStop && wanted != Mode::EStop {
+            // First the latch: what cannot be released would be on again after a restart.
+            robot_dir::unlatch_estop(robot)?;
         }
         self.authority.mode = wanted.code();
         self.halted = None;
         self.send_authority();
+        if wanted == Mode::EStop
+            && let Err(why) = robot_dir::latch_estop(&self.job.system.robot)
+        {
+            warn!("{why}: the emergency stop will not outlast a restart of launch");
+        }
         Ok(())
     }
 

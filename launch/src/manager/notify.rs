@@ -14,11 +14,12 @@ use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
+use tracing::warn;
 
 /// Longest time from the start of launch to a robot that is up: ports, first heartbeats, first path.
 pub const LONGEST_START: Duration = START_PATIENCE.saturating_mul(3);
 /// Longest time from the wish to end to the end of launch: rest, recorder, workers.
-pub const LONGEST_END: Duration = REST_PATIENCE.saturating_mul(2).saturating_add(LEAVE_PATIENCE);
+pub const LONGEST_END: Duration = REST_PATIENCE.saturating_mul(3).saturating_add(LEAVE_PATIENCE);
 
 /// What the service manager is told about, read from launch's loop.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,7 +90,10 @@ pub(super) struct Notify {
 impl Notify {
     /// As the environment says: `NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`.
     pub(super) fn from_environment() -> Self {
-        let to = std::env::var_os("NOTIFY_SOCKET").and_then(|name| open(&name).ok());
+        let to = std::env::var_os("NOTIFY_SOCKET").and_then(|name| {
+            let opened = open(&name);
+            opened.inspect_err(|error| warn!("NOTIFY_SOCKET {}: {error}", name.display())).ok()
+        });
         let number = |name: &str| std::env::var(name).ok()?.parse::<u64>().ok();
         let ours = number("WATCHDOG_PID").is_none_or(|pid| pid == u64::from(std::process::id()));
         let patience = number("WATCHDOG_USEC").filter(|us| ours && *us > 0);

@@ -83,6 +83,24 @@ pub fn estop_latch(robot: &str) -> PathBuf {
     Path::new(SHM).join(format!("{}{LATCH}", shm_prefix(robot).trim_end_matches('.')))
 }
 
+/// Latches a robot's emergency stop.
+pub fn latch_estop(robot: &str) -> Result<(), String> {
+    let latch = estop_latch(robot);
+    let opened = open_own_file(&latch, OpenOptions::new().write(true).create(true).mode(0o600));
+    opened.map(drop).map_err(|error| format!("{}: {error}", latch.display()))
+}
+
+/// Releases it.
+pub fn unlatch_estop(robot: &str) -> Result<(), String> {
+    let latch = estop_latch(robot);
+    match fs::remove_file(&latch) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(format!("{}: {error}; remove it, else the emergency stop comes back", latch.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Robots whose emergency stop is on though they may not be up.
 pub fn latched_robots() -> Vec<String> {
     let Ok(entries) = fs::read_dir(SHM) else { return Vec::new() };
@@ -153,7 +171,9 @@ impl RobotDir {
         let lock_path = Path::new(SHM).join(format!("{}{LOCK}", shm_prefix(robot).trim_end_matches('.')));
         let lock = take_lock(&lock_path, robot, &path)?;
         // Before anything is wiped: what is another user's is not ours to remove.
-        if let Err(why) = check_shm_names(&shm_prefix(robot)) {
+        let latch = estop_latch(robot);
+        let latch_is_ours = foreign(&latch).map_or(Ok(()), |why| Err(format!("{}: {why}", latch.display())));
+        if let Err(why) = latch_is_ours.and_then(|()| check_shm_names(&shm_prefix(robot))) {
             let _ = fs::remove_file(&lock_path);
             return Err(taken(robot, &why));
         }

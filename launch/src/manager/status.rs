@@ -67,7 +67,7 @@ pub struct ProcessStatus {
     pub restarts: u64,
     /// True for the controller in charge.
     pub authority: bool,
-    /// What the kernel granted: `fifo:80 cpu:1 mlock`, or `best effort`.
+    /// What the kernel granted: `fifo:80 cpu:1 mlock`; empty for nothing.
     pub granted: String,
 }
 

@@ -62,7 +62,7 @@ impl Manager {
     }
 
     /// The robot stops until the operator arms it again.
-    fn halt(&mut self, mode: Mode, why: &str) {
+    pub(super) fn halt(&mut self, mode: Mode, why: &str) {
         if self.authority.mode == Mode::Armed.code() {
             self.halted = Some(format!("{why}; the robot has to be armed again (hilare arm)"));
         }
@@ -74,11 +74,17 @@ impl Manager {
 
     /// The robot cannot go on.
     fn give_up(&mut self, slot: usize, how: &str) {
-        let name = self.members[slot].role.name();
-        self.authority.mode = Mode::Stop.code();
+        self.stop_for_good(format!("{} {how}", self.members[slot].role.name()));
+    }
+
+    /// Stops the robot, which cannot be armed again. What came first is why.
+    fn stop_for_good(&mut self, why: String) {
+        error!("{why}: the robot is being stopped");
+        if self.authority.mode != Mode::EStop.code() {
+            self.authority.mode = Mode::Stop.code();
+        }
         self.send_authority();
-        self.fault = Some(format!("{name} {how}"));
-        error!("{name} {how}: the robot is being stopped");
+        self.fault.get_or_insert(why);
     }
 
     /// A place for another controller.
@@ -122,9 +128,13 @@ impl Manager {
             if due && !self.leaving {
                 self.members[slot].respawn_at = None;
                 self.members[slot].restarts += 1;
-                if let Err(why) = self.spawn(slot) {
-                    error!("{why}");
-                    self.fault = Some(why);
+                match (self.spawn(slot), self.members[slot].duty) {
+                    (Ok(()), _) => {}
+                    (Err(why), Duty::Standby) => {
+                        error!("{why}; the robot drives on without a standby");
+                        self.vacate(slot);
+                    }
+                    (Err(why), _) => self.stop_for_good(why),
                 }
             }
         }

@@ -131,9 +131,9 @@ impl Manager {
         });
         if let Some(slot) = warm {
             self.put_in_charge(slot, Duty::Standby);
-            self.adopt(system)?;
-            let _ = reply
-                .send(Response::done(format!("{} is in charge, the other one stands by", driver.name())));
+            self.swaps += 1;
+            let done = format!("{} is in charge, the other one stands by", driver.name());
+            self.conclude(reply, system, done);
             return Ok(());
         }
         let slot =
@@ -149,7 +149,10 @@ impl Manager {
             rejected_before: self.newest.steps.commands_rejected,
             started: true,
         });
-        self.spawn(slot).inspect_err(|why| self.end_trial(why))
+        if let Err(why) = self.spawn(slot) {
+            self.end_trial(&why);
+        }
+        Ok(())
     }
 
     /// Looks how the swap under way goes.
@@ -195,7 +198,7 @@ impl Manager {
             }
             SlotState::Ready => format!("it did not begin to work within {within} s"),
             _ if refused > 0 && steps.refused_source == slot as u64 + 1 => {
-                format!("{refused} of its commands were refused, the last one because {last}")
+                format!("{refused} commands were refused meanwhile, its last one because {last}")
             }
             _ => format!(
                 "it did not answer {} cycles in a row in time within {within} s",
@@ -226,15 +229,18 @@ impl Manager {
         });
         self.swaps += 1;
         let new = self.members[swap.slot].name();
-        let answer = match self.adopt(swap.other) {
-            Ok(()) => Response::done(format!(
-                "{new} is in charge, {} ms after it was asked for",
-                waited.as_millis()
-            )),
-            Err(why) => Response::refused(format!("{new} is in charge, but a successor would not be: {why}")),
-        };
         info!("{new} is in charge instead of {old}");
-        let _ = swap.reply.send(answer);
+        let done = format!("{new} is in charge, {} ms after it was asked for", waited.as_millis());
+        self.conclude(&swap.reply, swap.other, done);
+    }
+
+    /// Another controller is in charge: from now on successors are as in `system`.
+    fn conclude(&mut self, reply: &Sender<Response>, system: System, done: String) {
+        let answer = match self.adopt(system) {
+            Ok(()) => Response::done(done),
+            Err(why) => Response::refused(format!("{done}; but a successor would not be: {why}")),
+        };
+        let _ = reply.send(answer);
     }
 
     /// Who goes when a newcomer takes charge: the one in charge; but if that is the standby the robot is to
@@ -286,23 +292,28 @@ impl Manager {
         reply: &Sender<Response>,
     ) -> Result<(), String> {
         let slot = self.members.iter().position(|member| member.role == role).ok_or("there is none")?;
+        self.write_system(SYSTEM_FILE, &system)?;
         let other = std::mem::replace(&mut self.job.system, system);
-        self.write_system(SYSTEM_FILE, &self.job.system)?;
         self.swap = Some(Swap {
             slot,
             reply: reply.clone(),
             since: Instant::now(),
             other,
             rejected_before: 0,
-            started: false,
+            started: self.members[slot].running.is_none(),
         });
-        self.restart(slot)
+        if let Err(why) = self.restart(slot) {
+            self.end_replacement(Some(&why));
+        }
+        Ok(())
     }
 
     /// The box in `slot` leaves and its successor starts as soon as it is gone.
     fn restart(&mut self, slot: usize) -> Result<(), String> {
         // Whoever started it sees an end in good order and does not start another one.
         (self.members[slot].joined, self.members[slot].invitation) = (false, None);
+        // It is not started twice.
+        self.members[slot].respawn_at = None;
         match &self.members[slot].running {
             Some(running) => running.signal(Signal::TERM),
             None => self.spawn(slot)?,

@@ -10,7 +10,7 @@
 
 use super::checkpoint::key_of;
 use super::page::{MAX_WAIT, SharedPage};
-use super::transport::{Input, Output};
+use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
 use super::{ClockKind, build, realtime};
 use hilare_interfaces::block::{Block, TICK_S, Tick};
@@ -27,8 +27,9 @@ const TICK_NS: i64 = (TICK_S * 1e9) as i64;
 const LOCKSTEP_LEAD: u64 = 512;
 /// How long the lockstep clock sleeps when a reader is behind.
 const BACK_PRESSURE: Duration = Duration::from_micros(200);
-/// Commands taken in at most in one tick; more are a fault of their writer and wait.
-const COMMANDS_PER_TICK: usize = 16;
+/// Commands taken in at most in one tick: all that may wait, so that a program that floods the wire keeps
+/// nobody else's command from being read.
+const COMMANDS_PER_TICK: usize = wires::COMMAND.buffer * max_publishers(&wires::COMMAND);
 /// Ticks in which a robot told to end its drive must stand still before the process leaves.
 const FAREWELL_TICKS: u64 = 100;
 

@@ -69,10 +69,12 @@ impl PlannerProcess {
 
     fn send(&mut self, header: PathHeader, path: &[Waypoint]) -> bool {
         // First kept: a selector that has the path must find it again.
-        self.kept.write(&header, path);
+        let before = self.kept.replace(&header, path);
         let sent = self.path.send(&header, path.iter().copied());
         if sent {
             self.report.path_id = self.report.path_id.max(header.path_id);
+        } else {
+            self.kept.restore(before);
         }
         sent
     }
@@ -162,15 +164,25 @@ impl KeptPath {
         Self(dir.join("path.csv"))
     }
 
+    /// Keeps another path; returns the text of the one before.
+    fn replace(&self, header: &PathHeader, path: &[Waypoint]) -> Option<String> {
+        let before = std::fs::read_to_string(&self.0).ok();
+        let waypoints = hilare_planner::waypoint_file::write(path);
+        self.write(&format!("# {} {}\n{waypoints}", header.path_id, header.goal_id));
+        before
+    }
+
+    /// Goes back to the path before; nobody has got the new one.
+    fn restore(&self, before: Option<String>) {
+        match before {
+            Some(text) => self.write(&text),
+            None => drop(std::fs::remove_file(&self.0)),
+        }
+    }
+
     /// Whole or not at all. Without room the drive goes on; only a successor will have no path.
-    fn write(&self, header: &PathHeader, path: &[Waypoint]) {
+    fn write(&self, text: &str) {
         let new = self.0.with_extension("new");
-        let text = format!(
-            "# {} {}\n{}",
-            header.path_id,
-            header.goal_id,
-            hilare_planner::waypoint_file::write(path)
-        );
         let kept = std::fs::write(&new, text).and_then(|()| std::fs::rename(&new, &self.0));
         if let Err(error) = kept {
             warn!("{}: {error}: a successor will not know the path", self.0.display());

@@ -260,7 +260,8 @@ impl Domain {
     }
 }
 
-fn max_publishers(wire: &Wire) -> usize {
+/// Writers a wire may have.
+pub const fn max_publishers(wire: &Wire) -> usize {
     // One a writer, and as many again for successors of those that died unannounced; controllers there
     // are up to four at once: in charge, standby, on trial, leaving.
     2 * wire.from.len() + 8

@@ -185,9 +185,9 @@ impl Server {
             let response = match caller.answer.try_recv() {
                 Ok(response) => response,
                 Err(TryRecvError::Empty) if now < caller.deadline => return true,
-                Err(TryRecvError::Empty | TryRecvError::Disconnected) => {
-                    Response::refused("launch did not answer in time")
-                }
+                Err(TryRecvError::Empty | TryRecvError::Disconnected) => Response::refused(
+                    "no answer in time; what was asked for may still be done: hilare status",
+                ),
             };
             match response.place {
                 Some(_) => say_with(&caller.stream, &response, page),
