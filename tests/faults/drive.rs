@@ -203,16 +203,22 @@ pub fn same_steps(seen: &[Seen], simulated: &Value) {
     assert_eq!(last.cycles_without_command, 0, "{last:?}");
 }
 
-/// Why the host has spoilt a run, if it has: commands came late, each just after the host had stalled a bare
+/// Why the host has spoilt a run, if it has: commands came late, just after the host had stalled a bare
 /// loop, or the lease ran out while the host stalled one for longer than its renewal. What came late without is
 /// the robot's own doing, or a fault's.
 pub fn late(seen: &[Seen], stalls: &Stalls) -> Option<String> {
     let more_late = |pair: &&[Seen]| pair[1].steps.commands_late > pair[0].steps.commands_late;
-    let mut late = seen.windows(2).filter(more_late).map(|pair| pair[1]).peekable();
-    let first = late.peek().map(|seen| seen.steps.tick);
-    let commands = first.is_some() && late.all(|seen| stalls.boxes_before(seen.ns));
-    let lease = seen.iter().any(|seen| drive(&seen.steps) == Why::LeaseLost) && stalls.lease();
-    (commands || lease).then(|| format!("first late command at tick {first:?}, lease lost: {lease}"))
+    let late = seen.windows(2).filter(more_late).map(|pair| (pair[1].steps.tick, pair[1].ns));
+    let late: Vec<_> = late.map(|(tick, ns)| (tick, stalls.boxes_before(ns))).collect();
+    let lease_lost = seen.iter().any(|seen| drive(&seen.steps) == Why::LeaseLost);
+    let commands = late.iter().any(|(_, stalled)| *stalled);
+    let lease = lease_lost && stalls.lease();
+    let what =
+        format!("commands late at ticks, after a stall {late:?}; lease lost {lease_lost}, stalled {lease}");
+    if !late.is_empty() || lease_lost {
+        println!("{what}");
+    }
+    (commands || lease).then_some(what)
 }
 
 /// Runs of a drive at most, if the host spoils them.
@@ -227,7 +233,6 @@ pub fn unless_spoilt<T>(figures: &mut Figures, mut run: impl FnMut(u32) -> Resul
         match run(attempt) {
             Ok(result) => {
                 if attempt > 0 {
-                    println!("spoilt by the host: {why:?}");
                     figures.sum("{} runs spoilt by the host", f64::from(attempt));
                 }
                 return result;

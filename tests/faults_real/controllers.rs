@@ -293,7 +293,8 @@ fn a_flood_of_commands_keeps_nobody_from_being_heard() {
             Ok((robot.end(0).no_cycle_lost()?.same_bits(&expected)?, sent))
         });
         let refused = number(&told.summary, "commands_rejected");
-        assert!(sent > 100.0 * 5000.0 && refused > 5000.0, "{sent} commands, {refused} read, are no flood");
+        // More than a reader takes who stops at 16 a tick, and so does not come to the others.
+        assert!(refused > 16.0 * 5000.0, "{sent} commands, {refused} read, are no flood");
         figures.sum("{} commands sent beside the drive, 4 kills and a swap, same bits", sent);
     });
     lab.assert_nothing_left("drives beside a flood");

@@ -27,7 +27,7 @@ impl Load {
         let threads = 2 * available_parallelism().map_or(1, usize::from);
         let start = |n: usize| {
             let stop = Arc::clone(&stop);
-            std::thread::spawn(move || work(&stop, if n % 2 == 0 { 4 << 20 } else { 16 }))
+            std::thread::spawn(move || work(&stop, if n.is_multiple_of(2) { 4 << 20 } else { 16 }))
         };
         let threads = (0..threads).map(start).collect();
         Self { stop, threads }
