@@ -3,6 +3,7 @@
 //! * witness: reads the step generator's wire along and writes down every tick it saw, with the time;
 //! * liar: sends commands of those who may not command, one of each kind a control cycle;
 //! * flooder: sends as many commands as it can get rid of;
+//! * greedy: commands in the name of the controller in charge, and ahead of it, far beyond the limits;
 //! * foreigner: a program of another build, whose messages are laid out otherwise.
 //!
 //! A process joins the domain of one robot only, so each robot has its own.
@@ -35,14 +36,17 @@ pub enum Role {
     Liar,
     /// Commands without right, more than there is room for.
     Flooder,
+    /// Commands too much in the name of who may.
+    Greedy,
     /// Does not speak the same messages.
     Foreigner,
 }
 
-const ROLES: [(Role, &str); 4] = [
+const ROLES: [(Role, &str); 5] = [
     (Role::Witness, "witness"),
     (Role::Liar, "liar"),
     (Role::Flooder, "flooder"),
+    (Role::Greedy, "greedy"),
     (Role::Foreigner, "foreigner"),
 ];
 
@@ -55,8 +59,9 @@ pub fn play() {
     let domain = patiently(|| Domain::join(&robot_dir, "beside"));
     match role {
         Role::Witness => witness(&domain, &file),
-        Role::Liar => lie(&domain, &file),
+        Role::Liar => once_a_cycle(&domain, &file, lies),
         Role::Flooder => flood(&domain, &file),
+        Role::Greedy => once_a_cycle(&domain, &file, greed),
         Role::Foreigner => {
             patiently(|| domain.input::<Steps>(&wires::STEPS));
             let other = Wire { layout_hash: wires::STEPS.layout_hash ^ 1, ..wires::STEPS };
@@ -138,8 +143,8 @@ fn steps_of(mut words: impl Iterator<Item = u64>) -> Option<Steps> {
     Some(steps)
 }
 
-/// One command of each kind that may not act, for every cycle, until told to end.
-fn lie(domain: &Domain, file: &Path) {
+/// Commands for every cycle, until told to end.
+fn once_a_cycle<const N: usize>(domain: &Domain, file: &Path, write: fn(&Steps) -> [messages::Command; N]) {
     let steps_in = patiently(|| domain.input::<Steps>(&wires::STEPS));
     let commands = patiently(|| domain.output::<messages::Command>(&wires::COMMAND));
     steps_in.connect();
@@ -149,7 +154,7 @@ fn lie(domain: &Domain, file: &Path) {
         // Once a cycle, of the newest: more than the step generator can read would be lost, not refused.
         if let Some(steps) = steps_in.last().filter(|steps| steps.tick / 5 > cycle && steps.in_charge != 0) {
             cycle = steps.tick / 5;
-            sent += lies(&steps).iter().map(|lie| u64::from(commands.send(lie))).sum::<u64>();
+            sent += write(&steps).iter().map(|command| u64::from(commands.send(command))).sum::<u64>();
         }
         std::thread::sleep(Duration::from_micros(500));
     }
@@ -169,9 +174,9 @@ fn flood(domain: &Domain, file: &Path) {
     fs::write(file, sent.to_string()).expect("its count");
 }
 
-fn lies(steps: &Steps) -> [messages::Command; 6] {
-    use messages::Command;
-    let wild = Command {
+/// Far too fast, for the cycle to come.
+fn wild(steps: &Steps) -> messages::Command {
+    messages::Command {
         source: steps.in_charge,
         epoch: steps.epoch,
         seq: u64::MAX,
@@ -179,8 +184,13 @@ fn lies(steps: &Steps) -> [messages::Command; 6] {
         effective_tick: steps.tick / 5 * 5 + 5,
         vx_mps: -1e9,
         omega_radps: 1e9,
-        ..Command::ZERO
-    };
+        ..messages::Command::ZERO
+    }
+}
+
+fn lies(steps: &Steps) -> [messages::Command; 6] {
+    use messages::Command;
+    let wild = wild(steps);
     [
         Command { epoch: steps.epoch.wrapping_sub(1), ..wild },
         Command { source: steps.in_charge + 40, ..wild },
@@ -189,6 +199,20 @@ fn lies(steps: &Steps) -> [messages::Command; 6] {
         Command { omega_radps: f64::INFINITY, ..wild },
         Command { effective_tick: wild.effective_tick - 1, ..wild },
     ]
+}
+
+/// What the greedy one asks for, turn by turn, m/s and rad/s: more than the wheels can do together, and more
+/// than anything can.
+pub const GREED: [[f64; 2]; 2] = [[0.05, 1.5], [1e3, -1e3]];
+
+/// For the cycle after the coming one, so that the controller's own command comes too late beside it.
+fn greed(steps: &Steps) -> [messages::Command; 1] {
+    let cycle = steps.tick / 5;
+    let [vx_mps, omega_radps] = GREED[cycle as usize % GREED.len()];
+    let (pose_tick, effective_tick) = (cycle * 5 + 5, cycle * 5 + 10);
+    // Ahead of every number that a controller has come to.
+    let seq = (1 << 40) + cycle;
+    [messages::Command { seq, pose_tick, effective_tick, vx_mps, omega_radps, ..wild(steps) }]
 }
 
 /// A tick as the witness saw it.

@@ -2,15 +2,18 @@
 //! how late the machine itself is.
 
 use crate::support::{Lab, Running};
-use hilare::shell::realtime::set_fifo;
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use hilare::config::System;
+use hilare::shell::page::monotonic_ns;
+use hilare::shell::realtime::{self, CpuChoice, Request};
+use hilare_interfaces::wires::Role;
+use rustix::thread::{ClockId, CpuSet, clock_nanosleep_absolute, sched_getaffinity};
+use rustix::time::Timespec;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
 
 /// A shell line that ends in `hilare ARGS`, which it knows as `"$@"`.
 pub fn shell(lab: &Lab, line: &str, args: &[&str]) -> Command {
@@ -129,45 +132,73 @@ impl JumpingClock {
     }
 }
 
-/// Bare timer loops beside a test, one a processor, above all of the robot where that is allowed: how late the
-/// machine itself is with anything that sleeps.
+/// A tick of the robot.
+const TICK_NS: u64 = 1_000_000;
+
+/// A wake-up of a bare loop.
+#[derive(Clone, Copy, Debug)]
+struct Wake {
+    /// When it should have been, ns on CLOCK_MONOTONIC.
+    due_ns: u64,
+    /// How much later it was, ns.
+    late_ns: u64,
+}
+
+/// Bare timer loops beside a test, a wake-up a tick: how late the machine itself is with anything that sleeps.
 pub struct HostWatch {
     stop: Arc<AtomicBool>,
-    worst_us: Arc<AtomicU64>,
+    wakes: Arc<Mutex<Vec<Wake>>>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Above the control path.
+/// Above all of the robot, where that is allowed: no box, healthy or not, keeps such a loop waiting.
 const WATCH_PRIORITY: u64 = 90;
 
 impl HostWatch {
-    /// Begins to watch.
+    /// Begins to watch every processor, above all of the robot.
     pub fn start() -> Self {
-        let (stop, worst_us) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
         let allowed = sched_getaffinity(None).expect("processors");
         let cpus = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu));
-        let watch = |cpu: usize| {
-            let (stops, worst) = (Arc::clone(&stop), Arc::clone(&worst_us));
+        Self::start_on(cpus.map(CpuChoice::Number), WATCH_PRIORITY)
+    }
+
+    /// Begins to watch processors with a priority of SCHED_FIFO, as far as the kernel grants them.
+    pub fn start_on(cpus: impl IntoIterator<Item = CpuChoice>, priority: u64) -> Self {
+        let (stop, wakes) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
+        let watch = |cpu: CpuChoice| {
+            let (stops, all) = (Arc::clone(&stop), Arc::clone(&wakes));
             std::thread::spawn(move || {
-                let mut one = CpuSet::new();
-                one.set(cpu);
-                let _ = (sched_setaffinity(None, &one), set_fifo(WATCH_PRIORITY, false));
-                let pause = Duration::from_millis(1);
+                realtime::apply(Request { priority, cpu, lock_memory: false });
+                let mut due_ns = monotonic_ns();
                 while !stops.load(Ordering::Relaxed) {
-                    let start = Instant::now();
-                    std::thread::sleep(pause);
-                    let late = start.elapsed().saturating_sub(pause).as_micros() as u64;
-                    worst.fetch_max(late, Ordering::Relaxed);
+                    due_ns += TICK_NS;
+                    let (tv_sec, tv_nsec) = (due_ns / 1_000_000_000, due_ns % 1_000_000_000);
+                    let deadline = Timespec { tv_sec: tv_sec as i64, tv_nsec: tv_nsec as i64 };
+                    while clock_nanosleep_absolute(ClockId::Monotonic, &deadline).is_err() {}
+                    let late_ns = monotonic_ns().saturating_sub(due_ns);
+                    all.lock().unwrap_or_else(PoisonError::into_inner).push(Wake { due_ns, late_ns });
+                    due_ns += late_ns / TICK_NS * TICK_NS;
                 }
             })
         };
-        let threads = cpus.map(watch).collect();
-        Self { stop, worst_us, threads }
+        let threads = cpus.into_iter().map(watch).collect();
+        Self { stop, wakes, threads }
+    }
+
+    fn take(&self) -> Vec<Wake> {
+        std::mem::take(&mut *self.wakes.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How late every wake-up was so far, ns, the least late first; and begins anew.
+    pub fn lateness_ns(&self) -> Vec<u64> {
+        let mut late: Vec<u64> = self.take().iter().map(|wake| wake.late_ns).collect();
+        late.sort_unstable();
+        late
     }
 
     /// The worst so far, ms; and begins anew.
     pub fn worst_ms(&self) -> f64 {
-        self.worst_us.swap(0, Ordering::Relaxed) as f64 * 1e-3
+        self.lateness_ns().last().copied().unwrap_or(0) as f64 * 1e-6
     }
 }
 
@@ -175,5 +206,58 @@ impl Drop for HostWatch {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         self.threads.drain(..).for_each(|thread| drop(thread.join()));
+    }
+}
+
+/// Bare loops beside a drive: what the host did to everybody cannot be the doing of a fault, and only what it did
+/// to them excuses the robot.
+pub struct Bystanders {
+    /// Where the boxes of the tick run.
+    boxes: HostWatch,
+    everywhere: HostWatch,
+}
+
+/// When the host has kept the bystanders of a drive waiting for a tick or more: from, until, ns.
+#[derive(Clone, Debug)]
+pub struct Stalls {
+    boxes: Vec<(u64, u64)>,
+    everywhere: Vec<(u64, u64)>,
+}
+
+impl Bystanders {
+    /// Begins to watch.
+    pub fn start() -> Self {
+        let clock = System::load("epuck").expect("built in").realtime(Role::StepGenerator);
+        let boxes = HostWatch::start_on([CpuChoice::from_key(clock.cpu)], WATCH_PRIORITY);
+        Self { boxes, everywhere: HostWatch::start() }
+    }
+
+    /// What the host did to them.
+    pub fn end(self) -> Stalls {
+        let stalls = |watch: HostWatch| {
+            let late = watch.take().into_iter().filter(|wake| wake.late_ns >= TICK_NS);
+            late.map(|wake| (wake.due_ns, wake.due_ns + wake.late_ns)).collect()
+        };
+        Stalls { boxes: stalls(self.boxes), everywhere: stalls(self.everywhere) }
+    }
+}
+
+impl Stalls {
+    /// True if the host stalled the boxes within the last moments before `ns`.
+    pub fn boxes_before(&self, ns: u64) -> bool {
+        // A command is late some cycles after the stall, and whoever says when may have been kept waiting, too.
+        const MOMENTS_NS: u64 = 50 * TICK_NS;
+        self.boxes.iter().any(|(from, until)| *from <= ns && ns <= until + MOMENTS_NS)
+    }
+
+    /// True if the host stalled the boxes at any time.
+    pub fn boxes_ever(&self) -> bool {
+        !self.boxes.is_empty()
+    }
+
+    /// True if launch, which runs anywhere, may have been kept from renewing its lease when it was due.
+    pub fn lease(&self) -> bool {
+        const RENEWAL_NS: u64 = 20 * TICK_NS;
+        self.everywhere.iter().any(|(from, until)| until - from >= RENEWAL_NS)
     }
 }

@@ -1,7 +1,7 @@
 //! The other boxes: pose estimator, waypoint selector, planner, step generator, recorder.
 
 use super::controllers::CORNERS;
-use crate::faults::drive::{Drive, Told, late, same_steps, simulated, sleep_ms, unless_spoilt};
+use crate::faults::drive::{Drive, Told, same_steps, simulated, sleep_ms, unless_spoilt};
 use crate::faults::seeds::{self, Draw, Figures};
 use crate::faults::watch::drive;
 use crate::support::{Lab, number, process, text, wait_until, whole_machine};
@@ -98,7 +98,7 @@ fn a_path_does_not_need_its_planner() {
     let job = ["--path", &*path];
     let expected = simulated(&lab, &job);
     seeds::each_real("planner killed or stopped", 1..=10, |draw, figures| {
-        unless_spoilt(|attempt| {
+        unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("p{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(300);
             for restarts in 1..=3 {
@@ -121,12 +121,12 @@ fn nobody_waits_for_the_recorder() {
     let job = ["--path", &*path];
     let expected = simulated(&lab, &job);
     seeds::each_real("recorder killed or stopped", 1..=10, |draw, figures| {
-        let told = unless_spoilt(|attempt| {
+        let told = unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("r{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(draw.random.whole(300, 3000));
             robot.strike("recorder", draw.random.pick(&[Signal::KILL, Signal::STOP]));
             let told = robot.end(1);
-            late(&told.seen).map_or(Ok(told), Err)
+            told.spoilt().map_or(Ok(told), Err)
         });
         same_steps(&told.seen, &expected);
         figures.sum("{} runs with the very steps of one with a recorder; 0 cycles lost", 1.0);

@@ -12,6 +12,7 @@ mod support;
 
 mod boxes;
 mod controllers;
+mod load;
 mod machine;
 mod robot;
 

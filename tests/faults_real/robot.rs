@@ -6,7 +6,6 @@ use crate::faults::drive::{Drive, simulated, sleep_ms, unless_spoilt};
 use crate::faults::host::HostWatch;
 use crate::faults::seeds;
 use crate::faults::watch::drive;
-use crate::support::load::Load;
 use crate::support::{Lab, PATIENCE, Running, number, pid_of, process, text, wait_until, whole_machine};
 use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;
@@ -21,7 +20,7 @@ fn a_robot_whose_launch_is_gone_stands_and_its_processes_go() {
     let lab = Lab::new();
     let path = lab.straight(1.0).to_string_lossy().into_owned();
     seeds::each_real("launch killed, stopped or not heard", 3..=10, |draw, figures| {
-        let (stood, gone_ms) = unless_spoilt(|attempt| {
+        let (stood, gone_ms) = unless_spoilt(figures, |attempt| {
             let suffix = format!("k{}x{attempt}", draw.seed());
             let mut robot = Drive::start(&lab, &suffix, &["--path", &path], &[]);
             robot.await_tick(draw.random.whole(300, 1500));
@@ -146,7 +145,7 @@ fn a_pause_is_waited_for() {
     let job = ["--path", &*path];
     let expected = simulated(&lab, &job);
     seeds::each_real("host takes the cores away", 1..=10, |draw, figures| {
-        let told = unless_spoilt(|attempt| {
+        let told = unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("h{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(300);
             let clock = robot.pid("step_generator");
@@ -168,28 +167,4 @@ fn a_pause_is_waited_for() {
         figures.sum("{} ticks lost, none hurried, same bits", number(&told.summary, "paused_ticks"));
     });
     lab.assert_nothing_left("drives with pauses");
-}
-
-#[test]
-fn a_load_on_every_core_costs_what_it_costs_a_bare_loop() {
-    let _machine = whole_machine();
-    let lab = Lab::new();
-    let path = lab.file("corners.csv", CORNERS).to_string_lossy().into_owned();
-    let job = ["--path", &*path];
-    let expected = simulated(&lab, &job);
-    seeds::each_real("both cores loaded", 1..=10, |draw, figures| {
-        let (told, bare_ms) = unless_spoilt(|attempt| {
-            let _load = Load::start();
-            let bare = HostWatch::start();
-            let robot = Drive::start(&lab, &format!("b{}x{attempt}", draw.seed()), &job, &[]);
-            let told = robot.end(0).no_cycle_lost()?.same_bits(&expected)?;
-            Ok((told, bare.worst_ms()))
-        });
-        let paused = number(&told.summary, "paused_max_ticks");
-        assert!(paused <= bare_ms.floor() + 1.0, "{paused} ticks; bare loops {bare_ms} ms: {}", told.summary);
-        figures.most("longest pause {} ticks", paused);
-        figures.most("bare loops late by ≤ {} ms", bare_ms);
-        figures.most("a tick's lateness p99 ≤ {} µs", number(&told.summary["lateness_us"], "p99"));
-    });
-    lab.assert_nothing_left("drives beside a load");
 }
