@@ -3,7 +3,7 @@
 use super::children::Running;
 use super::member::Duty;
 use super::swap::with_last_words;
-use super::{LEASE, LEAVE_PATIENCE, Manager};
+use super::{LEASE, LEAVE_PATIENCE, Manager, START_PATIENCE};
 use crate::shell::page::{Phase, SlotState, monotonic_ns};
 use hilare_interfaces::messages::{Drive, Mode};
 use hilare_interfaces::wires::Role;
@@ -164,20 +164,22 @@ impl Manager {
         if self.leaving || self.page.phase() != Phase::Go {
             return;
         }
-        let looks = (patience_s / LEASE.as_secs_f64()).ceil() as u32;
+        let looks = |patience_s: f64| (patience_s / LEASE.as_secs_f64()).ceil() as u32;
         for slot in 0..self.members.len() {
             let answers = self.answers(slot);
             let working = self.page.state(slot) == SlotState::Working;
             let sign = self.page.sign_of_life(slot);
             let member = &mut self.members[slot];
             let foreign = member.is_foreign();
-            if answers || !(working || foreign) {
+            let starting = member.running.is_some() && !working && !foreign;
+            if answers || !(working || starting || foreign) {
                 member.seen();
             }
             let silent = member.look(sign);
             let patience = match member.role {
-                Role::Planner => looks * PLANNERS_PATIENCE,
-                _ => looks,
+                _ if starting => looks(START_PATIENCE.as_secs_f64()),
+                Role::Planner => looks(patience_s) * PLANNERS_PATIENCE,
+                _ => looks(patience_s),
             };
             // An observer that hangs harms nobody, and has the figures. A trial is judged elsewhere.
             let judged = member.role != Role::Recorder && member.duty != Duty::Trial && patience_s > 0.0;
@@ -186,8 +188,11 @@ impl Manager {
                     member.doom("did not leave".to_owned());
                 }
             } else if judged && silent > patience {
-                let missed = if foreign { "had no valid command" } else { "gave no sign of life" };
-                member.doom(format!("{missed} for {patience_s} s"));
+                member.doom(match (starting, foreign) {
+                    (true, _) => format!("did not start within {START_PATIENCE:?}"),
+                    (_, true) => format!("had no valid command for {patience_s} s"),
+                    (_, false) => format!("gave no sign of life for {patience_s} s"),
+                });
                 member.seen();
             }
         }
