@@ -1,7 +1,7 @@
-//! What the machine does to a robot: a full disk, a small /dev/shm, a closed output, a wall clock that jumps; and
-//! how late the machine itself is.
+//! What the machine does to a robot: a full disk, a small /dev/shm, a closed output; and how late the machine itself
+//! is.
 
-use crate::support::{Lab, Running};
+use crate::support::Lab;
 use hilare::config::System;
 use hilare::shell::page::monotonic_ns;
 use hilare::shell::realtime::{self, CpuChoice, Request};
@@ -52,84 +52,6 @@ pub fn fill_disk(pid: i32, file: &Path) -> u64 {
     let path = PathBuf::from(format!("/proc/{pid}/root{}", file.display()));
     let _ = fs::write(&path, vec![0u8; 64 << 20]);
     fs::metadata(&path).map_or(0, |metadata| metadata.len())
-}
-
-/// The wall clock as seen through the C library: seven hours ahead, seven hours behind, turn by turn. Its
-/// file in `HILARE_TEST_CLOCK_DIR` shows which processes have seen it.
-const CLOCK_SHIM: &str = r#"
-#define _GNU_SOURCE
-#include <fcntl.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <sys/syscall.h>
-#include <sys/time.h>
-#include <time.h>
-#include <unistd.h>
-
-static long shift(void) {
-    struct timespec now;
-    syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now);
-    long turn = now.tv_sec * 4 + now.tv_nsec / 250000000;
-    return (turn % 2 ? 7 : -7) * 3600;
-}
-
-__attribute__((constructor)) static void seen(void) {
-    const char *dir = getenv("HILARE_TEST_CLOCK_DIR");
-    char path[512];
-    if (dir && snprintf(path, sizeof path, "%s/%d", dir, (int)getpid()) < (int)sizeof path)
-        close(open(path, O_CREAT | O_WRONLY, 0600));
-}
-
-int clock_gettime(clockid_t clock, struct timespec *time) {
-    long result = syscall(SYS_clock_gettime, clock, time);
-    if (result == 0 && (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)) time->tv_sec += shift();
-    return (int)result;
-}
-
-int gettimeofday(struct timeval *restrict time, void *restrict zone) {
-    long result = syscall(SYS_gettimeofday, time, zone);
-    if (result == 0 && time) time->tv_sec += shift();
-    return (int)result;
-}
-
-time_t time(time_t *out) {
-    struct timespec now;
-    syscall(SYS_clock_gettime, CLOCK_REALTIME, &now);
-    if (out) *out = now.tv_sec + shift();
-    return now.tv_sec + shift();
-}
-"#;
-
-/// A wall clock that jumps for every process started with it.
-pub struct JumpingClock {
-    library: PathBuf,
-    dir: PathBuf,
-}
-
-impl JumpingClock {
-    /// Compiles it; `None` without a C compiler.
-    pub fn new(lab: &Lab) -> Option<Self> {
-        let source = lab.file("clock.c", CLOCK_SHIM);
-        let (library, dir) = (lab.dir().join("clock.so"), lab.dir().join("clock"));
-        fs::create_dir(&dir).expect("a directory for the clock");
-        let mut compile = lab.command_of("cc");
-        compile.args(["-shared", "-fPIC", "-O1", "-o"]).arg(&library).arg(&source);
-        if !has("cc") {
-            return None;
-        }
-        Running::start(compile).wait(crate::support::PATIENCE).expect_code(0);
-        Some(Self { library, dir })
-    }
-
-    /// Lets a command and all it starts see it.
-    pub fn show(&self, command: &mut Command) {
-        command.env("LD_PRELOAD", &self.library).env("HILARE_TEST_CLOCK_DIR", &self.dir);
-    }
-
-    /// Processes that have seen it.
-    pub fn seen_by(&self) -> usize {
-        fs::read_dir(&self.dir).map_or(0, |entries| entries.flatten().count())
-    }
 }
 
 /// A tick of the robot.

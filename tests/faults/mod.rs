@@ -28,6 +28,7 @@ pub mod memory;
 pub mod message;
 pub mod motion;
 pub mod plan;
+pub mod preload;
 pub mod report;
 pub mod rig;
 pub mod seeds;

@@ -3,7 +3,8 @@
 use super::controllers::CORNERS;
 use crate::faults::cast::{Beside, Role, Witness};
 use crate::faults::drive::{Drive, late, same_steps, simulated, unless_spoilt};
-use crate::faults::host::{Bystanders, JumpingClock, fill_disk, has, may_mount, own_disk, own_mounts, shell};
+use crate::faults::host::{Bystanders, fill_disk, has, may_mount, own_disk, own_mounts, shell};
+use crate::faults::preload::JumpingClock;
 use crate::faults::seeds::{self, Figures};
 use crate::support::random::Random;
 use crate::support::{Ended, Lab, PATIENCE, Running, process, skip, wait_until, whole_machine};

@@ -15,6 +15,7 @@ mod controllers;
 mod load;
 mod machine;
 mod robot;
+mod unfinished;
 
 /// Not a test: what the others start beside their robots.
 #[test]

@@ -5,6 +5,7 @@ use super::join::Peer;
 use crate::logging::LogSink;
 use crate::shell::page::{PAGE_FD, SharedPage};
 use crate::shell::realtime::set_fifo;
+use crate::shell::transport::Sweeper;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use hilare_interfaces::wires::Role;
 use rustix::event::{PollFd, PollFlags, poll};
@@ -21,7 +22,7 @@ use std::time::Duration;
 /// Stack of the small watching threads.
 pub(super) const STACK: usize = 128 << 10;
 /// Priority of a thread that waits for a death: just above launch's loop, which it wakes.
-const WATCH_PRIORITY: u64 = super::LAUNCH_PRIORITY + 1;
+pub(super) const WATCH_PRIORITY: u64 = super::LAUNCH_PRIORITY + 1;
 /// Longest wait for the last line of one that is gone. Far shorter than the lease that launch renews.
 const LAST_WORDS_PATIENCE: Duration = Duration::from_millis(20);
 const PROGRAM_NAME: &str = env!("CARGO_PKG_NAME");
@@ -65,6 +66,8 @@ pub struct Start<'a> {
     pub page: &'a SharedPage,
     /// Watch it in real time, so that its death is known at once on a busy machine, too.
     pub realtime: bool,
+    /// Who frees those that wait for it when it is dead.
+    pub sweeper: &'a Sweeper,
 }
 
 /// A command that runs this very binary, even if another one lies in its place by now: that may have other
@@ -118,7 +121,7 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
     })?;
     // Its watcher is there before it is: what nobody watches must not live.
     let (born, birth) = bounded::<(Child, Arc<OwnedFd>)>(1);
-    let (kills_before, realtime) = (memory_kills(), what.realtime);
+    let (kills_before, realtime, sweeper) = (memory_kills(), what.realtime, what.sweeper.clone());
     let (events, incarnation) = (events.clone(), what.incarnation);
     threads().spawn(move || {
         let Ok((mut child, pidfd)) = birth.recv() else { return };
@@ -131,6 +134,7 @@ pub fn start(what: &Start<'_>, events: &Sender<Event>, log: &LogSink) -> io::Res
             let _ = set_fifo(WATCH_PRIORITY, false);
         }
         wait(&pidfd);
+        sweeper.call();
         // Whatever it has started and not taken along: its number is taken until it is waited for.
         let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
         let how = describe(child.wait().ok(), kills_before);
@@ -180,6 +184,7 @@ pub(super) fn adopt(
     incarnation: u64,
     realtime: bool,
     events: &Sender<Event>,
+    sweeper: Sweeper,
 ) -> io::Result<Running> {
     let Peer { pid, pidfd } = peer;
     let pidfd = Arc::new(pidfd);
@@ -189,6 +194,7 @@ pub(super) fn adopt(
             let _ = set_fifo(WATCH_PRIORITY, false);
         }
         wait(&watched);
+        sweeper.call();
         let _ = events.send(Event::Died { slot, incarnation, how: "is gone".to_owned() });
     })?;
     Ok(Running { pid, pidfd, last_words: None })

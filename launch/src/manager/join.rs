@@ -126,7 +126,7 @@ impl Manager {
         let member = &mut self.members[slot];
         let (pid, incarnation) = (peer.pid, member.incarnation);
         let realtime = self.job.clock == ClockKind::Real;
-        match children::adopt(peer, slot, incarnation, realtime, &self.sender) {
+        match children::adopt(peer, slot, incarnation, realtime, &self.sender, self.sweeper.clone()) {
             Ok(running) => {
                 let place = member.invitation.take();
                 info!("{} has joined, pid {pid}", member.name());

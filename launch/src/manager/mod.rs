@@ -23,7 +23,9 @@ use crate::logging::LogSink;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
-use crate::shell::transport::{Domain, HeldServices, Input, Janitor, Output, SliceOutput, TransportError};
+use crate::shell::transport::{
+    Domain, HeldServices, Input, Janitor, Output, SliceOutput, Sweeper, TransportError,
+};
 use control::{Call, Response};
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use hilare_interfaces::latency::Quantiles;
@@ -148,6 +150,7 @@ pub struct Manager {
     ports: Ports,
     _services: HeldServices,
     janitor: Janitor,
+    sweeper: Sweeper,
     page: SharedPage,
     job: Job,
     members: Vec<Member>,
@@ -215,11 +218,14 @@ impl Manager {
         let services = domain.create_services().map_err(|e| refused(&e))?;
         let ports = Ports::open(&domain).map_err(|e| refused(&e))?;
         let page = SharedPage::create().map_err(|e| Failure::Fault(format!("memfd: {e}")))?;
+        let no_thread = |e: &std::io::Error| Failure::Fault(format!("thread: {e}"));
+        let fifo = (job.clock == ClockKind::Real).then_some(children::WATCH_PRIORITY);
         start::listen(dir.path(), &page, &sender)?;
         let mut manager = Self {
             ports,
             _services: services,
-            janitor: domain.into_janitor().map_err(|e| Failure::Fault(format!("thread: {e}")))?,
+            sweeper: domain.sweeper(fifo).map_err(|e| no_thread(&e))?,
+            janitor: domain.into_janitor().map_err(|e| no_thread(&e))?,
             page,
             members: start::members(&job),
             job,

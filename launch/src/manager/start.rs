@@ -93,6 +93,7 @@ impl Manager {
             arguments,
             page: &self.page,
             realtime: self.job.clock == ClockKind::Real,
+            sweeper: &self.sweeper,
         };
         let running = children::start(&start, &self.sender, &self.log)
             .map_err(|error| format!("cannot start {}: {error}", member.role.name()))?;

@@ -7,8 +7,10 @@
 #![allow(unsafe_code)]
 
 mod janitor;
+mod sweeper;
 
 pub use janitor::Janitor;
+pub use sweeper::Sweeper;
 
 use crate::private;
 use hilare_interfaces::layout::WireMessage;
@@ -117,6 +119,12 @@ impl Domain {
             .create::<Ipc>()
             .map_err(|e| failed("shared memory", e))?;
         Ok(Self { node })
+    }
+
+    /// Launch, before any worker joins: somebody who frees those that wait for the dead. `priority` as in
+    /// [`Sweeper`].
+    pub fn sweeper(&self, priority: Option<u64>) -> std::io::Result<Sweeper> {
+        Sweeper::start(self.node.config().global.prefix.to_string(), priority)
     }
 
     /// Launch, when its ports are open: somebody to tidy up.
