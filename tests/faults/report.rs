@@ -105,10 +105,11 @@ pub const ROWS: &[Row] = &[
     row("FIFO denied", "loud best effort, with the cure", "before motion"),
     row("launch or a worker killed 0.5–30 ms after exec", "the next start works unattended", "every time"),
     row(
-        "killed while making shared memory, at start or as a successor",
-        "nobody waits for what it left",
-        "next start works; a drive: 0 cycles lost, same bits",
+        "killed at start while making shared memory",
+        "nobody waits for it; the next start works",
+        "every time",
     ),
+    row("successor killed while making shared memory", "nobody waits for it", "0 cycles lost, same bits"),
     row("lies on every wire", "limits kept at every tick, every cycle accounted for", "whole run"),
 ];
 

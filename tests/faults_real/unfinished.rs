@@ -7,8 +7,6 @@ use crate::faults::seeds::{self, Draw};
 use crate::support::{Lab, PATIENCE, Running, skip, wait_until, whole_machine};
 use rustix::process::Signal;
 
-const ROW: &str = "killed while making shared memory, at start or as a successor";
-
 /// Before it has its size, or before it is readable.
 fn moment(draw: &mut Draw) -> &'static str {
     draw.random.pick(&["ftruncate", "fchmod"])
@@ -23,7 +21,7 @@ fn at_start_nobody_waits_for_what_the_dead_were_making() {
     };
     let path = lab.straight(0.04).to_string_lossy().into_owned();
     let robot = lab.robot();
-    seeds::each_real(ROW, 20..=300, |draw, figures| {
+    seeds::each_real("killed at start while making shared memory", 20..=300, |draw, figures| {
         let name = draw.random.pick(&["planner", "controller", "step_generator", "recorder"]);
         let (call, nth) = (moment(draw), draw.random.whole(1, 6));
         draw.note(&format!("{name} dies at {call} {nth}"));
@@ -54,7 +52,7 @@ fn on_the_way_nobody_waits_for_what_a_successor_was_making() {
     let path = lab.file("corners.csv", CORNERS).to_string_lossy().into_owned();
     let job = ["--path", &*path, "--standby", "kanayama"];
     let expected = simulated(&lab, &job[..2]);
-    seeds::each_real(ROW, 4..=60, |draw, figures| {
+    seeds::each_real("successor killed while making shared memory", 4..=60, |draw, figures| {
         let (call, nth) = (moment(draw), draw.random.whole(1, 4));
         draw.note(&format!("the successor of the controller dies at {call} {nth}"));
         unless_spoilt(figures, |attempt| {
