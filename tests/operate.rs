@@ -294,31 +294,36 @@ fn after_a_long_pause_it_says_so_and_drives_on_once_armed() {
 #[test]
 fn a_worker_that_hangs_while_it_starts_is_replaced() {
     let lab = Lab::new();
-    let robot = Robot::up(&lab, lab.robot(), &[]);
+    let robot = Robot::up(&lab, lab.robot(), &["--set", "supervision.restart_budget=100"]);
+    let one = |status: &Value| {
+        let all = status["processes"].as_array().expect("processes");
+        all.iter().find(|one| one["name"] == "waypoint_selector").expect("the selector").clone()
+    };
     let selector = |except: i32| {
         let services = lab.processes().into_iter().filter(|(_, line)| line.contains(" service "));
         let mut pids = services.filter(|(_, line)| line.contains("waypoint_selector")).map(|(pid, _)| pid);
         pids.find(|pid| *pid != except)
     };
-    let first = selector(0).expect("a waypoint selector");
-    support::process::signal(first, rustix::process::Signal::KILL);
-    let second = loop {
-        if let Some(pid) = selector(first) {
-            break pid;
-        }
-    };
-    support::process::signal(second, rustix::process::Signal::STOP);
+    // It starts within milliseconds: on a busy machine it may be at work before it is stopped.
+    let hung = (0..10).find_map(|_| {
+        let first = pid_of(&robot.status(), "waypoint_selector");
+        support::process::signal(first, rustix::process::Signal::KILL);
+        let mut second = None;
+        support::wait_until("a successor", || {
+            second = selector(first);
+            second.is_some()
+        });
+        let second = second.filter(|pid| *pid > 1)?;
+        support::process::signal(second, rustix::process::Signal::STOP);
+        std::thread::sleep(Duration::from_secs(1));
+        let now = one(&robot.status());
+        (now["state"] == "starting" && now["pid"] == second).then_some(second)
+    });
+    let hung = hung.expect("a worker that was stopped while it started");
     robot.tell(&["follow", &lab.straight(1.0).to_string_lossy()]);
     robot.tell(&["arm"]);
-    std::thread::sleep(Duration::from_secs(1));
-    let one = |status: &Value| {
-        let all = status["processes"].as_array().expect("processes");
-        all.iter().find(|one| one["name"] == "waypoint_selector").expect("the selector").clone()
-    };
-    let hung = one(&robot.await_status("a status", |_| true));
-    assert_eq!((text(&hung, "state"), pid_of(&robot.status(), "waypoint_selector")), ("starting", second));
     robot.await_status("its successor is at work", |status| {
-        one(status)["restarts"] == 2 && one(status)["state"] == "running"
+        one(status)["pid"] != hung && one(status)["state"] == "running"
     });
     robot.await_speed();
     robot.tell(&["down"]);
