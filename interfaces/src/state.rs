@@ -13,6 +13,7 @@
 //! so and leaves a box to be thrown away; none panics, and none leaves a box that does.
 
 use crate::geometry::{BodyTwist, WorldPose};
+use crate::layout::WireMessage;
 
 /// Most words of one box.
 pub const STATE_WORDS: usize = 4096;
@@ -141,6 +142,18 @@ impl<'a> StateWords<'a> {
         let mut numbers = [twist.vx_mps, twist.vy_mps, twist.omega_radps];
         self.finite(&mut numbers);
         *twist = BodyTwist::new(numbers[0], numbers[1], numbers[2]);
+    }
+
+    /// A wire message, whatever it says.
+    pub fn message<M: WireMessage>(&mut self, message: &mut M) {
+        const { assert!(size_of::<M>().is_multiple_of(8) && align_of::<M>() == 8) };
+        // SAFETY: a wire message is all fields without padding, aligned as a word by the assertion, and any
+        // bit pattern is one.
+        #[allow(unsafe_code)]
+        let words = unsafe {
+            core::slice::from_raw_parts_mut(core::ptr::from_mut(message).cast::<u64>(), size_of::<M>() / 8)
+        };
+        words.iter_mut().for_each(|word| self.word(word));
     }
 
     /// True or false.

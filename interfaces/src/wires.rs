@@ -120,6 +120,10 @@ const fn polls(role: Role) -> Reader {
 /// Ticks a process may be away and still find everything of them when its successor comes.
 const SUCCESSOR_TICKS: usize = 768;
 
+/// Control periods a reader's successor may still have to answer: one that its predecessor answered and did not
+/// remember, one not answered, and the one that came meanwhile.
+pub const SUCCESSOR_PERIODS: usize = 3;
+
 const ALL: &[Role] = &Role::WORKERS;
 
 /// Goals to the planner.
@@ -174,8 +178,7 @@ pub const REFERENCE: Wire = Wire {
     to: &[wakes(Role::Controller), polls(Role::Recorder), polls(Role::Launch)],
     rate: Rate::EveryPeriod,
     buffer: 256,
-    // Answered and not remembered, not answered, and the one that came meanwhile.
-    history: 3,
+    history: SUCCESSOR_PERIODS,
     doc: "last, current and coming waypoints, index, total, speed",
 };
 

@@ -8,10 +8,12 @@ use hilare::config::System;
 use hilare::shell::build;
 use hilare::shell::checkpoint::key_of;
 use hilare::shell::pairing::Pairing;
+use hilare::shell::told::Told;
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Pose, Reference};
 use hilare_interfaces::wires;
+use std::iter;
 
 /// Ticks after which what a predecessor left is of no use to a controller any more.
 const STALE_TICKS: Tick = 100;
@@ -100,7 +102,7 @@ impl Post {
         (self.pairing, self.done) = (Pairing::default(), None);
         self.pose.new_reader(now);
         self.reference.new_reader(now);
-        self.command.new_writer();
+        self.command.lose_writer();
     }
 
     /// Answers what has come.
@@ -111,16 +113,16 @@ impl Post {
         }
         if self.done.is_none() {
             // Whoever comes late answers the last three references that wait: what was before is over.
-            let mut waiting = [None; 3];
+            let mut waiting = Told::default();
             while let Some(next) = self.next(now) {
-                waiting = [waiting[1], waiting[2], Some(next)];
+                waiting.keep(next);
             }
-            let mut ticks = waiting.iter().flatten().map(|(reference, _)| reference.tick);
+            let mut ticks = waiting.iter().map(|(reference, _)| reference.tick);
             if let Some(first) = ticks.next() {
                 self.catch_up(first, ticks.next_back().unwrap_or(first), memory);
             }
-            for (reference, pose) in waiting.into_iter().flatten() {
-                self.answer(now, &reference, &pose, memory);
+            for (reference, pose) in waiting.iter() {
+                self.answer(now, reference, pose, memory);
             }
         }
         while let Some((reference, pose)) = self.next(now) {
@@ -130,7 +132,9 @@ impl Post {
 
     fn next(&mut self, now: Tick) -> Option<(Reference, Pose)> {
         let (references, poses) = (&mut self.reference, &mut self.pose);
-        self.pairing.next(|| references.next(now), || poses.next(now))
+        let done = self.done;
+        let new = |reference: &Reference| done.is_none_or(|done| reference.tick > done);
+        self.pairing.next(&mut || iter::from_fn(|| references.next(now)).find(new), || poses.next(now))
     }
 
     fn answer(&mut self, now: Tick, reference: &Reference, pose: &Pose, memory: &mut Memory) {

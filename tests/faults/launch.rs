@@ -13,7 +13,7 @@ use hilare_interfaces::messages::{Authority, Mode, Steps};
 use hilare_interfaces::wires;
 
 /// Ticks between two authority messages.
-const LEASE_TICKS: Tick = 20;
+pub const LEASE_TICKS: Tick = 20;
 
 /// How launch deals with what dies or stands still.
 #[derive(Clone, Copy, Debug)]

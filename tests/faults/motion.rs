@@ -191,7 +191,7 @@ impl Estimator {
             return;
         }
         if std::mem::take(&mut self.repeats) {
-            send(&self.reckoner.last);
+            self.reckoner.told().for_each(&mut send);
         }
         while let Some(pose) = self.next(now) {
             send(&pose);

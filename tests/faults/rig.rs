@@ -200,6 +200,19 @@ impl Rig {
         for life in lives.into_iter().chain(self.posts.iter_mut().map(|post| &mut post.life)) {
             life.strike(self.now);
         }
+        // What the dead have kept is gone.
+        if !self.selector.life.alive() {
+            self.posts.iter_mut().for_each(|post| post.reference.lose_writer());
+        }
+        if !self.estimator.life.alive() {
+            self.selector.pose.lose_writer();
+            self.posts.iter_mut().for_each(|post| post.pose.lose_writer());
+        }
+        if !self.clock.life.alive() {
+            for link in [&mut self.estimator.steps, &mut self.plant.steps, &mut self.launch.steps] {
+                link.lose_writer();
+            }
+        }
     }
 
     /// Launch looks after everybody.
@@ -217,19 +230,13 @@ impl Rig {
         }
         if self.policy.replaces(&mut self.selector.life, now) {
             self.selector.start(now, &self.planner, &mut self.memory);
-            self.posts.iter_mut().for_each(|post| post.reference.new_writer());
         }
         if self.policy.replaces(&mut self.estimator.life, now) {
             self.estimator.start(now, &mut self.memory);
-            self.selector.pose.new_writer();
-            self.posts.iter_mut().for_each(|post| post.pose.new_writer());
         }
         if self.policy.replaces(&mut self.clock.life, now) {
             self.clock.start(now, &mut self.memory);
             self.posts.iter_mut().for_each(|post| post.command.new_reader(now));
-            for link in [&mut self.estimator.steps, &mut self.plant.steps, &mut self.launch.steps] {
-                link.new_writer();
-            }
             self.watch.restarted();
         }
     }

@@ -10,6 +10,9 @@ use hilare_interfaces::block::Tick;
 use hilare_interfaces::wires::Wire;
 use std::collections::VecDeque;
 
+/// Ticks until a writer that has nothing to say sees a new reader, at most.
+const LOOKS_ROUND: Tick = 10;
+
 /// The wire.
 pub struct Link<T> {
     depth: usize,
@@ -22,6 +25,8 @@ pub struct Link<T> {
     thawed: Option<T>,
     /// The newest messages of the present writer, for a reader to come.
     history: VecDeque<T>,
+    /// When a new reader gets it.
+    promised: Option<Tick>,
     forged: u64,
 }
 
@@ -36,12 +41,14 @@ impl<T: Message> Link<T> {
             waiting: VecDeque::new(),
             thawed: None,
             history: VecDeque::new(),
+            promised: None,
             forged: 0,
         }
     }
 
     /// Sends a message at `now`, or what becomes of it.
     pub fn send(&mut self, now: Tick, message: &T) {
+        self.keep_promise(now, true);
         if self.events.is_empty() {
             self.keep(message);
             return self.push(now, *message);
@@ -93,6 +100,7 @@ impl<T: Message> Link<T> {
 
     /// The next message that has come by `now`.
     pub fn next(&mut self, now: Tick) -> Option<T> {
+        self.keep_promise(now, false);
         if self.waiting.front()?.0 <= now {
             return self.waiting.pop_front().map(|(_, message)| message);
         }
@@ -107,18 +115,27 @@ impl<T: Message> Link<T> {
         }
     }
 
-    /// The reader was another process: with it went what waited. What is kept is there for the new one.
+    /// The reader was another process: with it went what waited. What is kept is there for the new one once the
+    /// writer looks round, at the latest with its next message.
     pub fn new_reader(&mut self, now: Tick) {
         self.waiting.clear();
+        self.promised = Some(now + self.random.whole(0, LOOKS_ROUND));
+    }
+
+    fn keep_promise(&mut self, now: Tick, looks: bool) {
+        if self.promised.take_if(|due| looks || *due <= now).is_none() {
+            return;
+        }
         let kept = self.history.len().min(self.depth);
         for n in self.history.len() - kept..self.history.len() {
             self.push(now, self.history[n]);
         }
     }
 
-    /// The writer is another process: what the one before kept is gone with it.
-    pub fn new_writer(&mut self) {
+    /// The writer is gone, and with it what it kept.
+    pub fn lose_writer(&mut self) {
         self.history.clear();
+        self.promised = None;
     }
 
     /// Commands of nobody that were slipped in.

@@ -2,7 +2,7 @@
 //!
 //! * [`transport`]: ports of the wire table over iceoryx2 (the only place that uses it),
 //! * [`page`]: doorbells and progress marks, a page of shared memory beside the wires,
-//! * [`checkpoint`]: what a box remembers, for its successor,
+//! * [`checkpoint`], [`told`]: what a box remembers, and told last, for its successor,
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
 //! * [`build`]: boxes from a system file,
@@ -20,6 +20,7 @@ pub mod page;
 pub mod pairing;
 pub mod planning;
 pub mod realtime;
+pub mod told;
 pub mod transport;
 pub mod worker;
 

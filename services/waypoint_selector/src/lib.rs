@@ -136,16 +136,6 @@ impl WaypointSelector {
         self.awaited.map(|progress| progress.path_id)
     }
 
-    /// Takes the path it awaits, and repeats what the other selector said of it last, at `tick`: nobody may have
-    /// heard that. `None`, and nothing is taken, if it awaits no path or another one.
-    pub fn take_up(&mut self, path: NewPath<'_>, tick: Tick) -> Option<Reference> {
-        self.awaited.filter(|awaited| awaited.is_on(&path))?;
-        self.take_path(path);
-        self.reference.tick = tick;
-        // A path that is none is refused.
-        self.awaited.is_none().then_some(self.reference)
-    }
-
     fn progress(&self) -> Option<Progress> {
         let reference = &self.reference;
         let under_way = || Progress {

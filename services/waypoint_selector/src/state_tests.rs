@@ -63,29 +63,6 @@ fn it_waits_for_its_path_and_goes_on_where_the_other_was() {
 }
 
 #[test]
-fn with_its_path_it_repeats_what_the_other_said_last() {
-    let (mut old, square) = (new(Acceptance::Rim), square());
-    step(&mut old, (0.0, 0.0), Some(&square));
-    let last = step(&mut old, (0.39, 0.0), None);
-    let take_up = |selector: &mut WaypointSelector, (path_id, waypoints): &Path| {
-        let header = PathHeader { path_id: *path_id, goal_id: 0 };
-        selector.take_up(NewPath { header: &header, waypoints }, 10)
-    };
-    assert_eq!(take_up(&mut old, &square), None, "it awaits none");
-    let mut next = successor(&mut old);
-    let broken = path(7, &[(0.0, f64::NAN), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3), (0.0, 0.0)]);
-    for other in [(8, square.1.clone()), (7, square.1[..4].to_vec()), broken] {
-        assert_eq!((take_up(&mut next, &other), next.awaits_path()), (None, Some(7)));
-    }
-    assert_eq!((take_up(&mut next, &square), next.awaits_path()), (Some(last), None));
-    assert_eq!(step(&mut next, (0.4, 0.3), None), step(&mut old, (0.4, 0.3), None));
-    // On arrival, too.
-    let there = (0..9).map(|_| step(&mut old, (0.0, 0.0), None)).last();
-    let mut far = successor(&mut old);
-    assert_eq!(take_up(&mut far, &square), there);
-}
-
-#[test]
 fn any_other_path_begins_anew() {
     let (mut old, square) = (new(Acceptance::Rim), square());
     step(&mut old, (0.0, 0.0), Some(&square));

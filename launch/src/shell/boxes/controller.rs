@@ -4,12 +4,14 @@ use super::is_new;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::pairing::Pairing;
+use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Garbled, Reactive, Report, Worker};
 use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
-use hilare_interfaces::wires::{self, Role};
+use hilare_interfaces::wires::{self, Role, SUCCESSOR_PERIODS};
+use std::iter;
 
 /// reference, pose → command.
 pub struct ControllerProcess {
@@ -29,9 +31,6 @@ pub struct ControllerProcess {
 
 /// Ticks after which the state a predecessor left is of no use to a controller any more.
 const STALE_TICKS: Tick = 100;
-
-/// References that one which comes late answers at most.
-const WAITING_MAX: usize = 3;
 
 impl ControllerProcess {
     /// Opens its ports.
@@ -58,7 +57,9 @@ impl ControllerProcess {
 
 impl ControllerProcess {
     fn next(&mut self) -> Option<(Reference, Pose)> {
-        self.pairing.next(|| self.reference.next(), || self.pose.next())
+        // A successor of the waypoint selector repeats what its predecessor said last.
+        let mut new = || iter::from_fn(|| self.reference.next()).find(|new| is_new(self.done, new.tick));
+        self.pairing.next(&mut new, || self.pose.next())
     }
 
     /// The controller as it was built.
@@ -73,7 +74,8 @@ impl ControllerProcess {
     fn catch_up(&mut self, worker: &mut Worker, first: Tick, last: Tick) {
         let period = self.period_ticks;
         // Best: as it was before the first. Else it is some ticks ahead: those are not answered. Else it is behind.
-        let ahead = (first.saturating_sub(period)..=last).step_by(period as usize).take(WAITING_MAX + 1);
+        let ahead =
+            (first.saturating_sub(period)..=last).step_by(period as usize).take(SUCCESSOR_PERIODS + 1);
         for wanted in ahead {
             if self.recall(worker, |saved| saved == wanted) {
                 return;
@@ -103,16 +105,16 @@ impl ControllerProcess {
     /// three: the one whose command may act now, that after it, and that before, which a predecessor may have
     /// answered and not remembered, and by which the step generator sees how the commands go on.
     fn begin(&mut self, worker: &mut Worker) {
-        let mut last = [None; WAITING_MAX];
+        let mut last = Told::default();
         while let Some(next) = self.next() {
-            last = [last[1], last[2], Some(next)];
+            last.keep(next);
         }
-        let mut ticks = last.iter().flatten().map(|(reference, _)| reference.tick);
+        let mut ticks = last.iter().map(|(reference, _)| reference.tick);
         if let Some(first) = ticks.next() {
             self.catch_up(worker, first, ticks.next_back().unwrap_or(first));
         }
-        for (reference, pose) in last.into_iter().flatten() {
-            self.answer(worker, &reference, &pose);
+        for (reference, pose) in last.iter() {
+            self.answer(worker, reference, pose);
         }
         if self.done.is_some() {
             worker.page.ring(&wires::COMMAND);

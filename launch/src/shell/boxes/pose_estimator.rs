@@ -5,6 +5,7 @@ use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::pairing::{Fixes, Pairing};
+use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
@@ -15,36 +16,53 @@ use hilare_interfaces::wires::{self, Role};
 use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
 use std::iter;
 
-/// The box, and the pose it told last: its successor tells it again, because the box may have died before
-/// anybody heard it, or those who did may be dead.
+/// The box, and the poses it told last.
 pub struct Reckoner {
     /// The box.
     pub estimator: PoseEstimator,
-    /// What it told last.
-    pub last: Pose,
+    last: Pose,
+    /// Those that began a control period.
+    begins: Told<Pose>,
+    period_ticks: u64,
 }
 
 impl Reckoner {
     /// At the system's start pose.
     pub fn new(system: &System) -> Self {
-        Self { estimator: build::pose_estimator(system), last: Pose::ZERO }
+        Self {
+            estimator: build::pose_estimator(system),
+            last: Pose::ZERO,
+            begins: Told::default(),
+            period_ticks: system.timing.period_ticks,
+        }
     }
 
     /// One step of the box.
     pub fn step(&mut self, tick: Tick, inputs: EstimatorInputs<'_>) -> Pose {
         self.last = self.estimator.step(tick, inputs);
+        if self.begins_period(&self.last) {
+            self.begins.keep(self.last);
+        }
         self.last
+    }
+
+    /// True if a controller is to answer a pose.
+    pub const fn begins_period(&self, pose: &Pose) -> bool {
+        pose.tick.is_multiple_of(self.period_ticks)
+    }
+
+    /// What a successor tells again, the newest last.
+    pub fn told(&self) -> impl Iterator<Item = &Pose> {
+        let last = (!self.begins_period(&self.last)).then_some(&self.last);
+        self.begins.iter().chain(last)
     }
 }
 
 impl Stateful for Reckoner {
     fn visit_state(&mut self, words: &mut StateWords<'_>) {
         self.estimator.visit_state(words);
-        let mut pose = self.last.pose();
-        words.word(&mut self.last.tick);
-        words.word(&mut self.last.measured_tick);
-        words.pose(&mut pose);
-        (self.last.x_m, self.last.y_m, self.last.theta_rad) = (pose.x_m, pose.y_m, pose.theta_rad);
+        words.message(&mut self.last);
+        self.begins.visit_state(words);
     }
 }
 
@@ -57,7 +75,6 @@ pub struct EstimatorProcess {
     /// Only of a robot whose sensors it reads: then each tick waits for its wheels.
     sensors: Option<SensorInputs>,
     pose: Output<Pose>,
-    period_ticks: u64,
     key: u64,
     /// The tick that was estimated last.
     done: Option<Tick>,
@@ -96,7 +113,6 @@ impl EstimatorProcess {
             steps: worker.domain.input(&wires::STEPS)?,
             sensors,
             pose: worker.domain.output(&wires::POSE)?,
-            period_ticks: system.timing.period_ticks,
             key,
             done,
             report: Report::default(),
@@ -129,8 +145,10 @@ impl Reactive for EstimatorProcess {
         let mut worked = false;
         let mut period_begins = false;
         if std::mem::take(&mut self.repeats) {
-            self.pose.send(&self.reckoner.last);
-            period_begins = self.reckoner.last.tick.is_multiple_of(self.period_ticks);
+            self.reckoner.told().for_each(|pose| {
+                self.pose.send(pose);
+            });
+            period_begins = true;
         }
         while let Some(pose) = self.next() {
             self.pose.send(&pose);
@@ -142,7 +160,7 @@ impl Reactive for EstimatorProcess {
             worker.remember(self.key, pose.tick, &mut self.reckoner);
             self.report.tick = pose.tick;
             self.report.steps += 1;
-            period_begins |= pose.tick.is_multiple_of(self.period_ticks);
+            period_begins |= self.reckoner.begins_period(&pose);
             worked = true;
         }
         // Only the pose that begins a control period is a reason to wake anybody.

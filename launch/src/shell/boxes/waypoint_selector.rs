@@ -1,18 +1,52 @@
 //! The waypoint selector's process.
 
 use super::is_new;
+use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
+use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output, SliceInput};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
+use hilare_interfaces::state::{StateWords, Stateful};
 use hilare_interfaces::wires::{self, Role};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 
+/// The box, and the references it told last.
+pub struct Chooser {
+    /// The box.
+    pub selector: WaypointSelector,
+    /// What a successor tells again.
+    pub told: Told<Reference>,
+}
+
+impl Chooser {
+    /// Without a path.
+    pub fn new(system: &System) -> Self {
+        Self { selector: build::waypoint_selector(system), told: Told::default() }
+    }
+
+    /// One step of the box.
+    pub fn step(&mut self, tick: Tick, inputs: SelectorInputs<'_>) -> Reference {
+        let reference = self.selector.step(tick, inputs);
+        self.told.keep(reference);
+        reference
+    }
+}
+
+impl Stateful for Chooser {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.selector.visit_state(words);
+        self.told.visit_state(words);
+    }
+}
+
 /// pose, path → reference.
 pub struct SelectorProcess {
-    selector: WaypointSelector,
+    chooser: Chooser,
+    /// What a predecessor told last is to be told again.
+    repeats: bool,
     pose: Input<Pose>,
     path: SliceInput<PathHeader, Waypoint>,
     reference: Output<Reference>,
@@ -33,9 +67,10 @@ impl SelectorProcess {
     /// Opens its ports.
     pub fn new(worker: &mut Worker) -> Result<Self, String> {
         let key = key_of(Role::WaypointSelector);
-        let (selector, done) = worker.resume(key, build::waypoint_selector);
+        let (chooser, done) = worker.resume(key, Chooser::new);
         Ok(Self {
-            selector,
+            chooser,
+            repeats: done.is_some(),
             pose: worker.domain.input(&wires::POSE)?,
             path: worker.domain.slice_input(&wires::PATH)?,
             reference: worker.domain.output(&wires::REFERENCE)?,
@@ -49,20 +84,9 @@ impl SelectorProcess {
         })
     }
 
-    /// A successor says nothing before it has the path again: to stand still would be an order.
+    /// A successor says nothing new before it has the path again: to stand still would be an order.
     fn is_lost(&self) -> bool {
-        self.selector.awaits_path().is_some() && self.waiting.is_none()
-    }
-
-    /// The path that was awaited is there: what the predecessor said last is said again, because it may have
-    /// died before anybody heard it, or those who did may be dead.
-    fn take_up(&mut self) -> bool {
-        let (Some(header), Some(done)) = (self.waiting, self.done) else { return false };
-        let path = NewPath { header: &header, waypoints: &self.waiting_points };
-        let Some(reference) = self.selector.take_up(path, done) else { return false };
-        self.waiting = None;
-        self.reference.send(&reference);
-        true
+        self.chooser.selector.awaits_path().is_some() && self.waiting.is_none()
     }
 
     /// The next pose: those that were held, if they can be answered now, then those that come.
@@ -75,12 +99,13 @@ impl SelectorProcess {
     fn choose(&mut self, worker: &mut Worker, pose: &Pose) {
         let header = self.waiting.take();
         let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
-        let reference = self.selector.step(pose.tick, SelectorInputs { pose, path });
+        let reference = self.chooser.step(pose.tick, SelectorInputs { pose, path });
         self.reference.send(&reference);
         self.done = Some(pose.tick);
-        worker.remember(self.key, pose.tick, &mut self.selector);
+        worker.remember(self.key, pose.tick, &mut self.chooser);
         self.report.steps += 1;
-        self.report.rejected = self.selector.rejected_paths() + self.selector.rejected_poses();
+        let selector = &self.chooser.selector;
+        self.report.rejected = selector.rejected_paths() + selector.rejected_poses();
     }
 
     /// Copies a new path out of shared memory; it takes effect at the next control period.
@@ -108,7 +133,12 @@ impl Reactive for SelectorProcess {
             // It has the path, and sleeps.
             worker.page.members(Role::Planner).for_each(|slot| worker.page.ring_slot(slot));
         }
-        let mut chosen = self.take_up();
+        let mut chosen = std::mem::take(&mut self.repeats);
+        if chosen {
+            self.chooser.told.iter().for_each(|reference| {
+                self.reference.send(reference);
+            });
+        }
         let lost = self.is_lost();
         while let Some(pose) = self.next(lost) {
             worked = true;
