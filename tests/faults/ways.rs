@@ -8,7 +8,7 @@ use hilare::config::System;
 use hilare::shell::boxes::Chooser;
 use hilare::shell::build;
 use hilare::shell::checkpoint::key_of;
-use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{GoalKind, PathHeader, Pose, Reference, ReferenceState, Waypoint};

@@ -80,7 +80,7 @@ impl SelectorProcess {
             key,
             done,
             held: [None; 2],
-            report: Report::default(),
+            report: Report { tick: done.unwrap_or(0), ..Report::default() },
         })
     }
 
