@@ -1,9 +1,7 @@
-//! A fixed-size latency histogram that can lie in shared memory.
+//! A latency histogram of fixed size.
 //!
 //! Log-linear buckets: 16 to an octave, so a quantile is off by at most 1/16 of itself; no
 //! allocation, no trimming, constant time to record. The exact maximum is kept beside the buckets.
-
-use crate::wire_message;
 
 /// Sub-buckets to an octave.
 const SUB: u64 = 16;
@@ -12,15 +10,20 @@ const OCTAVES: u64 = 30;
 /// Number of buckets.
 pub const BUCKETS: usize = (SUB * OCTAVES) as usize;
 
-wire_message! {
-    /// Distribution of a duration, nanoseconds.
-    LatencyHistogram = "hilare/LatencyHistogram/v1" {
-        /// Samples recorded.
-        count: u64,
-        /// Largest sample, ns.
-        max_ns: u64,
-        /// Samples a bucket.
-        buckets: [u64; BUCKETS],
+/// Distribution of a duration, nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatencyHistogram {
+    /// Samples recorded.
+    pub count: u64,
+    /// Largest sample, ns.
+    pub max_ns: u64,
+    /// Samples a bucket; see [`bucket`].
+    pub buckets: [u64; BUCKETS],
+}
+
+impl Default for LatencyHistogram {
+    fn default() -> Self {
+        Self::ZERO
     }
 }
 
@@ -38,6 +41,9 @@ pub struct Quantiles {
 }
 
 impl LatencyHistogram {
+    /// Nothing recorded.
+    pub const ZERO: Self = Self { count: 0, max_ns: 0, buckets: [0; BUCKETS] };
+
     /// Counts one duration of `ns` nanoseconds.
     pub fn record(&mut self, ns: u64) {
         self.buckets[bucket(ns)] += 1;
@@ -78,8 +84,9 @@ impl LatencyHistogram {
     }
 }
 
-/// Bucket of a value: values below 2·SUB ns have one each, above that SUB to an octave.
-fn bucket(ns: u64) -> usize {
+/// Bucket of a value, ns: values below 2·SUB have one each, above that SUB to an octave.
+#[inline]
+pub fn bucket(ns: u64) -> usize {
     if ns < SUB {
         return ns as usize;
     }
@@ -89,7 +96,7 @@ fn bucket(ns: u64) -> usize {
 }
 
 /// Largest value that falls into bucket `index`, ns.
-fn upper_edge_ns(index: u64) -> u64 {
+pub fn upper_edge_ns(index: u64) -> u64 {
     if index < 2 * SUB {
         return index;
     }

@@ -6,7 +6,6 @@
 use crate::block::Tick;
 use crate::chassis::MAX_WHEELS;
 use crate::geometry::{BodyTwist, WorldPoint, WorldPose};
-use crate::latency::LatencyHistogram;
 use crate::segment::Segment;
 use crate::wire_message;
 
@@ -263,7 +262,7 @@ wire_message! {
 
 wire_message! {
     /// How a process fares, 20 times a second.
-    Health = "hilare/Health/v1" {
+    Health = "hilare/Health/v2" {
         /// Its slot in the system.
         slot: u64,
         /// Its process id.
@@ -278,16 +277,6 @@ wire_message! {
         rejected: u64,
         /// Newest path seen (planner: published); 0 before the first.
         path_id: u64,
-        /// Granted scheduling policy: 0 other, 1 FIFO.
-        granted_fifo: u64,
-        /// Granted real-time priority.
-        granted_priority: u64,
-        /// 1 + the processor it is pinned to; 0 when not pinned.
-        granted_cpu: u64,
-        /// 1 if its memory is locked.
-        granted_mlock: u64,
-        /// Wake-up lateness (step generator) or time of a step (others), ns.
-        latency: LatencyHistogram,
         /// UTF-8 reason, zero-padded.
         text: [u8; TEXT_BYTES],
     }

@@ -301,7 +301,7 @@ pub const HEALTH: Wire = Wire {
     rate: Rate::Hertz(20),
     buffer: 4,
     history: 1,
-    doc: "state, reason, lateness, what the kernel granted",
+    doc: "state, reason, counters",
 };
 
 /// Every wire, in the diagram's order.

@@ -3,6 +3,7 @@
 //! * [`config`]: system and scenario files.
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
+//! * [`latency`]: how punctual it all is.
 //! * [`report`]: what a run came to.
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`cli`]: the `hilare` command.
@@ -10,6 +11,7 @@
 
 pub mod cli;
 pub mod config;
+pub mod latency;
 pub mod logging;
 pub mod manager;
 mod private;

@@ -9,6 +9,7 @@ mod doctor;
 mod ending;
 mod fit;
 mod header;
+mod latency;
 mod operate;
 mod plan;
 mod run;
@@ -109,6 +110,11 @@ enum Verb {
         hilare swap waypoint_selector --set tracking.speed_mps=0.03\n\
         Exit codes: 0 done, 1 refused (the old one stays), 2 wrong use.")]
     Swap(operate::SwapArgs),
+    /// Measure how punctual a robot is on this machine, beside a bare timer loop and bare hops
+    #[command(
+        after_help = "Examples:\n  hilare latency\n  hilare latency --seconds 600 --load --out runs/latency\nExit codes: 0 measured, 1 fault, 2 wrong use."
+    )]
+    Latency(latency::LatencyArgs),
     /// Print the block diagram the wires are built from
     #[command(
         after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
@@ -133,6 +139,9 @@ enum Verb {
         /// bash, zsh, fish, elvish or powershell
         shell: clap_complete::Shell,
     },
+    /// What latency measures beside the robot; started by it, not by people
+    #[command(hide = true)]
+    Bare(latency::BareArgs),
     /// A worker process; started by launch, not by people
     #[command(hide = true)]
     Service(service::ServiceArgs),
@@ -162,6 +171,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
+        Some(Verb::Latency(args)) => latency::latency(&args),
+        Some(Verb::Bare(args)) => latency::bare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
         Some(Verb::Systemd(args)) => systemd::systemd(&args),

@@ -18,12 +18,10 @@ impl Manager {
         self.await_recorder();
         self.leave();
         self.look();
-        let clock = self.members.iter().find(|member| member.role == Role::StepGenerator);
-        let lateness = clock.and_then(|member| member.health).map(|health| health.latency.quantiles());
         Outcome {
             trace_csv: std::fs::read_to_string(self.dir.path().join(TRACE_FILE)).ok(),
             handover: self.handover.take(),
-            lateness: lateness.unwrap_or_default(),
+            lateness: self.timings().lateness.quantiles(),
             swaps: self.swaps,
             restarts: self.members.iter().map(|member| member.restarts).sum(),
             fault: self.fault.take(),

@@ -180,18 +180,10 @@ impl Member {
         }
     }
 
-    /// What the kernel has granted it: as it says itself, or, of a program that is not ours, as the kernel does.
-    fn granted(&self) -> Option<Granted> {
-        if self.is_foreign() {
-            let pid = self.running.as_ref().and_then(|running| Pid::from_raw(running.pid.cast_signed()))?;
-            return Some(realtime::granted(Some(pid)));
-        }
-        self.health.map(|health| Granted {
-            fifo: health.granted_fifo == 1,
-            priority: health.granted_priority,
-            cpu: health.granted_cpu.checked_sub(1),
-            mlock: health.granted_mlock == 1,
-        })
+    /// What the kernel has granted it, as the kernel says.
+    pub(super) fn granted(&self) -> Option<Granted> {
+        let pid = self.running.as_ref().and_then(|running| Pid::from_raw(running.pid.cast_signed()))?;
+        Some(realtime::granted(Some(pid)))
     }
 
     /// True for a program that is not ours.

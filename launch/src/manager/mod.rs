@@ -13,6 +13,7 @@ pub mod status;
 mod calls;
 mod crew;
 mod ending;
+mod lateness;
 mod member;
 mod start;
 mod supervise;
@@ -23,6 +24,7 @@ use crate::logging::LogSink;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
+use crate::shell::realtime::Granted;
 use crate::shell::transport::{
     Domain, HeldServices, Input, Janitor, Output, SliceOutput, Sweeper, TransportError,
 };
@@ -35,10 +37,12 @@ use hilare_interfaces::messages::{
 };
 use hilare_interfaces::wires::{self, Role};
 use join::Workers;
-use member::Member;
+pub use lateness::{Cause, LateTick, Timings};
+use member::{Duty, Member};
 use robot_dir::RobotDir;
 use std::collections::VecDeque;
 use std::iter;
+use std::path::Path;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
@@ -170,6 +174,7 @@ pub struct Manager {
     up: bool,
     leaving: bool,
     handover: Option<Handover>,
+    lateness: lateness::LateWatch,
     /// A swap under way.
     swap: Option<swap::Swap>,
     swaps: u64,
@@ -244,6 +249,7 @@ impl Manager {
             up: false,
             leaving: false,
             handover: None,
+            lateness: lateness::LateWatch::default(),
             swap: None,
             swaps: 0,
             halted: None,
@@ -272,6 +278,7 @@ impl Manager {
             self.respawn_due(now);
             self.welcome();
             self.look_for_the_hung();
+            self.look_at_lateness();
             self.goals.retain(|goal| now.duration_since(goal.since) < control::PATIENCE);
         }
         self.look();
@@ -291,7 +298,6 @@ impl Manager {
         for health in iter::from_fn(|| self.ports.health.next()).take(MESSAGES_A_LOOK) {
             if let Some(member) = self.members.get_mut(health.slot as usize) {
                 let pid = member.running.as_ref().map_or(0, |running| u64::from(running.pid));
-                // The step generator's lateness is wanted after its end as well.
                 if pid == 0 || pid == health.pid {
                     member.health = Some(health);
                 }
@@ -360,6 +366,21 @@ impl Manager {
             warn!("{why}: the emergency stop will not outlast a restart of launch");
         }
         Ok(())
+    }
+
+    /// The directory of what belongs to the robot while it is up.
+    pub fn runtime_dir(&self) -> &Path {
+        self.dir.path()
+    }
+
+    /// What the kernel has granted the step generator.
+    pub fn clock_granted(&self) -> Option<Granted> {
+        self.members[self.slot_at_work(Role::StepGenerator)?].granted()
+    }
+
+    /// Where the process of a role is that is in charge, or the only one.
+    fn slot_at_work(&self, role: Role) -> Option<usize> {
+        self.members.iter().position(|member| member.role == role && member.duty == Duty::Work)
     }
 
     /// Newest state of what launch looks at.

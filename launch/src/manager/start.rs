@@ -116,7 +116,7 @@ impl Manager {
     fn await_all(&mut self, state: SlotState) -> Result<(), Failure> {
         let deadline = Instant::now() + START_PATIENCE;
         loop {
-            // At work means that the first heartbeat, with what the kernel granted, is there as well.
+            // At work means that the first heartbeat is there as well.
             let missing = (0..self.members.len()).find(|slot| {
                 let member = &self.members[*slot];
                 member.duty != Duty::Vacant
@@ -179,7 +179,7 @@ impl Manager {
             .iter()
             .filter(|member| member.duty != Duty::Vacant && !member.is_foreign())
             .filter(|member| self.job.system.realtime(member.role).priority > 0)
-            .filter(|member| member.health.is_none_or(|health| health.granted_fifo == 0))
+            .filter(|member| member.granted().is_none_or(|granted| !granted.fifo))
             .map(|member| member.role.name())
             .collect();
         if !refused.is_empty() {

@@ -175,8 +175,30 @@ pub fn axes<'a, 'b>(
     (y, y_name): (Range<f64>, &str),
 ) -> Drawn<Axes<'a, 'b>> {
     let (_, height) = area.dim_in_pixel();
-    let (x_labels, y_labels) = (9, (height as i32 / px(55)).clamp(3, 12) as usize);
-    let (x_decimals, y_decimals) = (decimals(&x, x_labels), decimals(&y, y_labels));
+    let labels = (9, (height as i32 / px(55)).clamp(3, 12) as usize);
+    let (x_decimals, y_decimals) = (decimals(&x, labels.0), decimals(&y, labels.1));
+    let (write_x, write_y) = (|x: &f64| number(*x, x_decimals), |y: &f64| number(*y, y_decimals));
+    labelled_axes(area, (x, x_name), (y, y_name), labels, (&write_x, &write_y))
+}
+
+/// Axes over powers of ten: `x` and `y` are whole exponents.
+pub fn log_axes<'a, 'b>(
+    area: &'a Area<'b>,
+    (x, x_name): (Range<f64>, &str),
+    (y, y_name): (Range<f64>, &str),
+) -> Drawn<Axes<'a, 'b>> {
+    let labels = [&x, &y].map(|range| (range.end - range.start) as usize + 1);
+    let power = |exponent: &f64| format!("{}", 10f64.powi(exponent.round() as i32));
+    labelled_axes(area, (x, x_name), (y, y_name), (labels[0], labels[1]), (&power, &power))
+}
+
+fn labelled_axes<'a, 'b>(
+    area: &'a Area<'b>,
+    (x, x_name): (Range<f64>, &str),
+    (y, y_name): (Range<f64>, &str),
+    (x_labels, y_labels): (usize, usize),
+    (write_x, write_y): (&dyn Fn(&f64) -> String, &dyn Fn(&f64) -> String),
+) -> Drawn<Axes<'a, 'b>> {
     let mut chart = ChartBuilder::on(area)
         .margin_left(px(EDGE))
         .margin_right(px(RIGHT))
@@ -189,8 +211,8 @@ pub fn axes<'a, 'b>(
         .y_desc(y_name)
         .x_labels(x_labels)
         .y_labels(y_labels)
-        .x_label_formatter(&|value| number(*value, x_decimals))
-        .y_label_formatter(&|value| number(*value, y_decimals))
+        .x_label_formatter(&write_x)
+        .y_label_formatter(&write_y)
         .label_style(("sans-serif", f64::from(px(13)) * 1.24, &INK))
         .axis_desc_style(("sans-serif", f64::from(px(14)) * 1.24, &INK))
         .bold_line_style(line(GRID, 1))

@@ -7,6 +7,7 @@ mod shapes;
 mod thin;
 
 pub mod correction;
+pub mod curves;
 pub mod overlay;
 pub mod plan;
 pub mod plots;
@@ -40,6 +41,13 @@ pub fn write_report(
     write_whole(&trace, trace_csv.as_bytes())?;
     written.push(trace);
     Ok(written)
+}
+
+/// Writes a file of a report whole or not at all.
+pub fn write_file(dir: &Path, name: &str, text: &str) -> io::Result<PathBuf> {
+    let path = dir.join(name);
+    write_whole(&path, text.as_bytes())?;
+    Ok(path)
 }
 
 /// Makes `dir` and what leads to it.

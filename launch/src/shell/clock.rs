@@ -9,7 +9,8 @@
 //! readers of the steps have kept up.
 
 use super::checkpoint::key_of;
-use super::page::{MAX_WAIT, SharedPage};
+use super::page::{MAX_WAIT, SharedPage, monotonic_ns};
+use super::timing::{LATE_NS, LateWakeUp};
 use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
 use super::{ClockKind, build, realtime};
@@ -19,10 +20,10 @@ use hilare_interfaces::messages::{Authority, Command, HealthState, Mode, Steps};
 use hilare_interfaces::wires::{self, Role};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
-use rustix::time::{Timespec, clock_gettime};
-use std::time::{Duration, Instant};
+use rustix::time::Timespec;
+use std::time::Duration;
 
-const TICK_NS: i64 = (TICK_S * 1e9) as i64;
+const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 /// Ticks the lockstep clock may be ahead of the slowest reader; well inside the wires' buffers.
 const LOCKSTEP_LEAD: u64 = 512;
 /// How long the lockstep clock sleeps when a reader is behind.
@@ -72,6 +73,7 @@ impl ClockProcess {
         if !worker.go(connect) {
             return Ok(());
         }
+        worker.timing().set_phase(monotonic_ns() % TICK_NS);
         self.begin(&mut worker);
         if self.armed_once {
             match worker.assignment.clock {
@@ -89,30 +91,33 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in(0);
+            self.take_in();
             if self.armed_once {
                 self.steps.send(self.generator.state());
                 worker.page.ring(&wires::STEPS);
                 return;
             }
             let report = Report { state: HealthState::Ready, ..self.report };
-            worker.heartbeat(Instant::now(), || report);
+            worker.heartbeat(monotonic_ns(), || report);
             worker.page.wait(slot, seen, Duration::from_millis(10));
         }
     }
 
-    /// Takes in everything that arrived, without spending a tick.
-    fn take_in(&mut self, paused_ticks: u64) {
+    /// Takes in everything that arrived, without spending a tick; the newest command.
+    fn take_in(&mut self) -> Option<Command> {
+        let mut newest = None;
         while let Some(authority) = self.authority.next() {
             self.armed_once |= authority.mode == Mode::Armed.code();
-            let inputs = StepInputs { authority: Some(&authority), commands: &[], paused_ticks };
+            let inputs = StepInputs { authority: Some(&authority), ..StepInputs::default() };
             self.generator.take_in(self.tick, inputs);
         }
         for _ in 0..COMMANDS_PER_TICK {
             let Some(command) = self.command.next() else { break };
             let inputs = StepInputs { commands: std::slice::from_ref(&command), ..StepInputs::default() };
             self.generator.take_in(self.tick, inputs);
+            newest = Some(command);
         }
+        newest
     }
 
     /// Executes one tick and publishes it.
@@ -121,6 +126,7 @@ impl ClockProcess {
         self.tick = steps.tick;
         // First remembered, then sent: what nobody knows of may be repeated, what was done may not.
         worker.remember(self.key, steps.tick, &mut self.generator);
+        worker.note_telling(steps.tick);
         self.steps.send(&steps);
         self.report.tick = steps.tick;
         self.report.steps += 1;
@@ -129,13 +135,19 @@ impl ClockProcess {
     }
 
     fn run_real(&mut self, worker: &mut Worker) {
-        let mut deadline_ns = now_ns();
-        let mut farewell = 0;
+        let phase_ns = worker.timing().phase_ns();
+        let mut deadline_ns = monotonic_ns() / TICK_NS * TICK_NS + phase_ns;
+        let (mut done_ns, mut farewell) = (0, 0);
         loop {
             deadline_ns += TICK_NS;
             sleep_until_ns(deadline_ns);
-            let late_ns = (now_ns() - deadline_ns).max(0);
-            worker.latency.record(late_ns as u64);
+            let woke_ns = monotonic_ns();
+            let late_ns = woke_ns.saturating_sub(deadline_ns);
+            worker.timing().taken.record(late_ns);
+            if late_ns >= LATE_NS {
+                let own_work = done_ns > deadline_ns;
+                worker.timing().woke_late(LateWakeUp { tick: self.tick, late_ns, own_work });
+            }
             let paused = late_ns / TICK_NS;
             deadline_ns += paused * TICK_NS;
             if worker.leaving() {
@@ -145,13 +157,18 @@ impl ClockProcess {
                     StepInputs { authority: Some(&last_stop()), ..StepInputs::default() },
                 );
                 farewell += 1;
-            } else {
-                self.take_in(0);
+            } else if let Some(command) = self.take_in() {
+                let slot = command.source.wrapping_sub(1) as usize;
+                if let Some(ns) = worker.page.timing(slot).since(command.pose_tick, woke_ns) {
+                    worker.timing().age.record(ns);
+                }
             }
-            let steps = self.execute(worker, paused as u64);
+            let steps = self.execute(worker, paused);
             worker.page.ring(&wires::STEPS);
+            done_ns = monotonic_ns();
+            worker.timing().stepped(done_ns - woke_ns, worker.budget_ns);
             let report = self.report;
-            worker.heartbeat(Instant::now(), || report);
+            worker.heartbeat(done_ns, || report);
             let still = steps.twist == [0.0; 3];
             if farewell > 0 && (still || farewell > FAREWELL_TICKS) {
                 return;
@@ -163,7 +180,7 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in(0);
+            self.take_in();
             if self.generator.awaits_command(self.tick) {
                 // A successor among the readers may lack the steps that lead to it.
                 self.steps.connect();
@@ -177,7 +194,7 @@ impl ClockProcess {
                 continue;
             }
             let report = self.report;
-            worker.heartbeat(Instant::now(), || report);
+            worker.heartbeat(monotonic_ns(), || report);
         }
     }
 }
@@ -192,13 +209,10 @@ fn readers_behind(page: &SharedPage, tick: Tick) -> bool {
     tick > page.least_progress(&readers).saturating_add(LOCKSTEP_LEAD)
 }
 
-fn now_ns() -> i64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
-}
-
-fn sleep_until_ns(deadline_ns: i64) {
-    let deadline = Timespec { tv_sec: deadline_ns / 1_000_000_000, tv_nsec: deadline_ns % 1_000_000_000 };
+/// Sleeps until a time on CLOCK_MONOTONIC.
+pub fn sleep_until_ns(deadline_ns: u64) {
+    let (tv_sec, tv_nsec) = (deadline_ns / 1_000_000_000, deadline_ns % 1_000_000_000);
+    let deadline = Timespec { tv_sec: tv_sec as i64, tv_nsec: tv_nsec as i64 };
     // A signal ends the sleep early: sleep on, the flag is read after the tick.
     while clock_nanosleep_absolute(ClockId::Monotonic, &deadline) == Err(rustix::io::Errno::INTR) {}
 }

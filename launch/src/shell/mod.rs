@@ -1,8 +1,9 @@
 //! The shell: everything a block needs around it to be a process, written once.
 //!
 //! * [`transport`]: ports of the wire table over iceoryx2 (the only place that uses it),
-//! * [`page`]: doorbells and progress marks, a page of shared memory beside the wires,
+//! * [`page`], [`mapped`]: doorbells and progress marks, a page of shared memory beside the wires,
 //! * [`checkpoint`], [`told`]: what a box remembers, and told last, for its successor,
+//! * [`timing`]: what each process measures of itself,
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
 //! * [`build`]: boxes from a system file,
@@ -15,11 +16,13 @@ pub mod build;
 pub mod checkpoint;
 pub mod clock;
 pub mod in_process;
+pub mod mapped;
 pub mod observer;
 pub mod page;
 pub mod pairing;
 pub mod planning;
 pub mod realtime;
+pub mod timing;
 pub mod told;
 pub mod transport;
 pub mod worker;

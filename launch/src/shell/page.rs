@@ -1,26 +1,20 @@
-//! Doorbells, progress marks, and what the boxes remember: a piece of shared memory beside the wires.
+//! Doorbells, progress marks, measurements, and what the boxes remember: a piece of shared memory beside the wires.
 //!
 //! Messages travel over iceoryx2; what it does not give is a cheap way to sleep until one is there
 //! (its events cost about 12 µs a hop, a futex on the same core 4 µs). So every worker has a doorbell,
 //! a futex word that writers ring after sending. Nobody depends on it for correctness: a lost or a
 //! spurious ring only changes when a worker looks at its wires, and each looks every
 //! [`MAX_WAIT`] anyway.
-//!
-//! The page is a memfd that launch creates and workers inherit: it has no name, so nothing of it can
-//! be left behind.
 
 #![allow(unsafe_code)]
 
 use super::checkpoint::Area;
+use super::mapped::{Mappable, Mapped};
+use super::timing::Timing;
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::wires::{Role, Wire};
-use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 use rustix::time::{ClockId, Timespec, clock_gettime};
-use std::io;
-use std::ops::Deref;
-use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
-use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -53,8 +47,6 @@ pub enum SlotState {
     Working = 2,
 }
 
-const MAGIC: u64 = 0x6869_6c61_7265_0001;
-
 /// Own cache lines, so that one worker's doorbell does not slow another's.
 #[repr(C, align(128))]
 struct Slot {
@@ -77,6 +69,7 @@ pub struct Page {
     members: [AtomicU64; 8],
     slots: [Slot; MAX_SLOTS],
     areas: [Area; MAX_SLOTS],
+    timings: [Timing; MAX_SLOTS],
 }
 
 impl Page {
@@ -151,6 +144,17 @@ impl Page {
         &self.areas[slot % MAX_SLOTS]
     }
 
+    /// What a slot's process measures of itself.
+    pub fn timing(&self, slot: usize) -> &Timing {
+        &self.timings[slot % MAX_SLOTS]
+    }
+
+    /// How long ago a box of `role` sent its message of `tick`.
+    #[inline]
+    pub fn since_told(&self, role: Role, tick: Tick, now_ns: u64) -> Option<u64> {
+        self.members(role).find_map(|slot| self.timing(slot).since(tick, now_ns))
+    }
+
     /// Slots of a role.
     pub fn members(&self, role: Role) -> impl Iterator<Item = usize> + use<> {
         let members = self.members[role as usize].load(Ordering::Relaxed);
@@ -206,83 +210,19 @@ pub fn monotonic_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// The page, mapped into this process.
-pub struct SharedPage {
-    page: NonNull<Page>,
-    /// Kept open by launch so that children inherit it.
-    fd: Option<OwnedFd>,
-}
+// SAFETY: repr(C) and atomics only.
+unsafe impl Mappable for Page {
+    const FD: &'static str = PAGE_FD;
+    const MAGIC: u64 = 0x6869_6c61_7265_0001;
+    const STARTED_BY: &'static str = "workers are started by hilare up or run";
 
-// SAFETY: the page consists of atomics only.
-unsafe impl Send for SharedPage {}
-// SAFETY: as above.
-unsafe impl Sync for SharedPage {}
-
-impl SharedPage {
-    /// Launch: a new, empty page. Its descriptor is inherited by children.
-    pub fn create() -> io::Result<Self> {
-        let fd = memfd_create("hilare", MemfdFlags::empty())?;
-        ftruncate(&fd, size_of::<Page>() as u64)?;
-        let page = Self { page: map(&fd)?, fd: Some(fd) };
-        page.magic.store(MAGIC, Ordering::SeqCst);
-        Ok(page)
-    }
-
-    /// What [`PAGE_FD`] must be for a child.
-    pub fn inherited_fd(&self) -> String {
-        self.fd.as_ref().map_or(-1, AsRawFd::as_raw_fd).to_string()
-    }
-
-    /// Launch: the page, to be passed on to a worker that is not its child.
-    pub fn descriptor(&self) -> io::Result<OwnedFd> {
-        self.fd.as_ref().ok_or(io::ErrorKind::NotFound)?.try_clone()
-    }
-
-    /// A worker: the page launch passed on.
-    pub fn inherit() -> io::Result<Self> {
-        let wrong = |why: &str| {
-            io::Error::other(format!("{PAGE_FD}: {why}; workers are started by hilare up or run"))
-        };
-        let number = std::env::var(PAGE_FD).map_err(|_| wrong("not set"))?;
-        let number: i32 =
-            number.parse().ok().filter(|fd| *fd > 2).ok_or_else(|| wrong("not a descriptor"))?;
-        // SAFETY: borrowed for this call only; a number that is not an open descriptor makes fstat
-        // and mmap fail.
-        let fd = unsafe { BorrowedFd::borrow_raw(number) };
-        if rustix::fs::fstat(fd)?.st_size as usize != size_of::<Page>() {
-            return Err(wrong("of another version of hilare"));
-        }
-        let page = Self { page: map(fd)?, fd: None };
-        if page.magic.load(Ordering::SeqCst) != MAGIC {
-            return Err(wrong("of another version of hilare"));
-        }
-        Ok(page)
+    fn magic(&self) -> &AtomicU64 {
+        &self.magic
     }
 }
 
-fn map(fd: impl std::os::fd::AsFd) -> io::Result<NonNull<Page>> {
-    let (protection, flags) = (ProtFlags::READ | ProtFlags::WRITE, MapFlags::SHARED | MapFlags::POPULATE);
-    // SAFETY: a fresh mapping of a file of the page's size; nothing else is unmapped.
-    let address = unsafe { mmap(std::ptr::null_mut(), size_of::<Page>(), protection, flags, fd, 0) }?;
-    NonNull::new(address.cast()).ok_or_else(|| io::Error::other("mmap returned null"))
-}
-
-impl Deref for SharedPage {
-    type Target = Page;
-
-    fn deref(&self) -> &Page {
-        // SAFETY: mapped at creation, unmapped on drop only; all-zero and any other content is valid
-        // for atomics.
-        unsafe { self.page.as_ref() }
-    }
-}
-
-impl Drop for SharedPage {
-    fn drop(&mut self) {
-        // SAFETY: mapped by us with this size; no reference outlives self.
-        let _ = unsafe { munmap(self.page.as_ptr().cast(), size_of::<Page>()) };
-    }
-}
+/// The page, mapped into this process: launch creates it, workers inherit it.
+pub type SharedPage = Mapped<Page>;
 
 #[cfg(test)]
 mod tests {

@@ -105,7 +105,8 @@ fn bound_cpu_of(pid: Option<Pid>) -> Option<u64> {
     (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
 }
 
-fn chosen_cpu(choice: CpuChoice) -> Option<usize> {
+/// The processor a choice comes to, of those this process may use.
+pub fn chosen_cpu(choice: CpuChoice) -> Option<usize> {
     let allowed = sched_getaffinity(None).ok()?;
     match choice {
         CpuChoice::Any => None,

@@ -6,9 +6,11 @@
 
 #![allow(unsafe_code)]
 
+mod bare;
 mod janitor;
 mod sweeper;
 
+pub use bare::{BareInput, BareOutput};
 pub use janitor::Janitor;
 pub use sweeper::Sweeper;
 

@@ -7,13 +7,12 @@
 
 use super::ClockKind;
 use super::checkpoint::StateRoom;
-use super::page::{Phase, SharedPage, SlotState};
-use super::realtime::{self, CpuChoice, Granted, Request};
+use super::page::{Phase, SharedPage, SlotState, monotonic_ns};
+use super::realtime::{self, CpuChoice, Request};
+use super::timing::Timing;
 use super::transport::{Domain, Output};
 use crate::config::System;
-use hilare_interfaces::block::Tick;
-use hilare_interfaces::latency::LatencyHistogram;
-use hilare_interfaces::layout::WireField;
+use hilare_interfaces::block::{TICK_S, Tick};
 use hilare_interfaces::messages::{Health, HealthState, text_field};
 use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
@@ -23,10 +22,12 @@ use rustix::process::{
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time between two heartbeats.
-const HEARTBEAT: Duration = Duration::from_millis(50);
+const HEARTBEAT_NS: u64 = 50_000_000;
+/// A step may take this part of the time until the next one.
+const BUDGET_PART: f64 = 0.1;
 
 /// What launch tells a worker on its command line.
 #[derive(Clone, Debug)]
@@ -69,13 +70,12 @@ pub struct Worker {
     pub page: SharedPage,
     /// Its place on the wires.
     pub domain: Domain,
-    /// Time of steps, or lateness of ticks.
-    pub latency: LatencyHistogram,
     terminate: Arc<AtomicBool>,
     health: Output<Health>,
-    last_beat: Instant,
-    granted: Granted,
+    last_beat_ns: u64,
     room: StateRoom,
+    /// What a step may take.
+    pub budget_ns: u64,
     /// What the kernel refused.
     refusal: &'static str,
 }
@@ -163,17 +163,20 @@ impl Worker {
         let _ = std::fs::write("/proc/self/oom_score_adj", memory_rank(assignment.role).to_string());
         let domain = Domain::join(&assignment.runtime_dir, assignment.role.name())?;
         let health = domain.output::<Health>(&wires::HEALTH)?;
+        let budget_ticks = match assignment.role {
+            Role::WaypointSelector | Role::Controller => system.timing.period_ticks,
+            _ => 1,
+        };
         Ok(Self {
             assignment,
             system,
             page,
             domain,
-            latency: LatencyHistogram::ZERO,
             terminate,
             health,
-            last_beat: Instant::now(),
-            granted: Granted::default(),
+            last_beat_ns: monotonic_ns(),
             room: StateRoom::default(),
+            budget_ns: (budget_ticks as f64 * TICK_S * 1e9 * BUDGET_PART) as u64,
             refusal: "",
         })
     }
@@ -202,8 +205,7 @@ impl Worker {
             cpu: CpuChoice::from_key(self.assignment.cpu),
             lock_memory: on_the_tick,
         });
-        self.granted = realtime::granted(None);
-        if on_the_tick && !self.granted.fifo {
+        if on_the_tick && !realtime::granted(None).fifo {
             self.refusal = "best effort: SCHED_FIFO was refused";
         }
         self.page.set_state(slot, SlotState::Working);
@@ -242,18 +244,43 @@ impl Worker {
         }
     }
 
+    /// What this process measures of itself.
+    pub fn timing(&self) -> &Timing {
+        self.page.timing(self.assignment.slot)
+    }
+
+    /// A message of `tick` has come from a box of `role`.
+    #[inline]
+    pub fn note_taken(&self, role: Role, tick: Tick) {
+        if let Some(ns) = self.page.since_told(role, tick, monotonic_ns()) {
+            self.timing().taken.record(ns);
+        }
+    }
+
+    /// The answer to `tick` is about to be sent.
+    #[inline]
+    pub fn note_telling(&self, tick: Tick) {
+        self.timing().stamp(tick, monotonic_ns());
+    }
+
+    /// The answer to `tick` is out.
+    #[inline]
+    pub fn note_told(&self, tick: Tick) {
+        if let Some(ns) = self.page.since_told(Role::StepGenerator, tick, monotonic_ns()) {
+            self.timing().age.record(ns);
+        }
+    }
+
     /// True when launch said leave, or a signal did.
     pub fn leaving(&self) -> bool {
         self.page.phase() == Phase::Leave || self.terminate.load(Ordering::Relaxed)
     }
 
     /// Gives a sign of life, and sends a heartbeat if one is due at `now`.
-    pub fn heartbeat(&mut self, now: Instant, report: impl FnOnce() -> Report) {
+    pub fn heartbeat(&mut self, now_ns: u64, report: impl FnOnce() -> Report) {
         self.page.give_sign_of_life(self.assignment.slot);
-        if now.duration_since(self.last_beat) >= HEARTBEAT {
-            self.last_beat = now;
-            // Launch moves a controller that comes into charge.
-            self.granted.cpu = realtime::bound_cpu();
+        if now_ns.saturating_sub(self.last_beat_ns) >= HEARTBEAT_NS {
+            self.last_beat_ns = now_ns;
             self.beat(&report());
         }
     }
@@ -270,11 +297,6 @@ impl Worker {
             steps: report.steps,
             rejected: report.rejected,
             path_id: report.path_id,
-            granted_fifo: u64::from(self.granted.fifo),
-            granted_priority: self.granted.priority,
-            granted_cpu: self.granted.cpu.map_or(0, |cpu| cpu + 1),
-            granted_mlock: u64::from(self.granted.mlock),
-            latency: self.latency,
             text: text_field(reason),
         });
     }
@@ -287,15 +309,15 @@ impl Worker {
         let slot = self.assignment.slot;
         while !self.leaving() {
             let seen = self.page.bell(slot);
-            let start = Instant::now();
+            let start_ns = monotonic_ns();
             let worked = hosted.poll(&mut self);
-            let mut now = start;
+            let mut now_ns = start_ns;
             if worked {
-                now = Instant::now();
-                self.latency.record(now.duration_since(start).as_nanos() as u64);
+                now_ns = monotonic_ns();
+                self.timing().stepped(now_ns - start_ns, self.budget_ns);
             }
             self.page.set_progress(slot, hosted.report().tick);
-            self.heartbeat(now, || hosted.report());
+            self.heartbeat(now_ns, || hosted.report());
             if !worked {
                 // Who has come since gets what it missed now, not with the next message: it may be what that
                 // one waits for.

@@ -126,8 +126,11 @@ impl ControllerProcess {
         if !is_new(self.done, reference.tick) {
             return;
         }
+        worker.note_taken(Role::WaypointSelector, reference.tick);
         let command = self.controller.step(reference.tick, ControllerInputs { reference, pose });
+        worker.note_telling(reference.tick);
         self.command.send(&command);
+        worker.note_told(reference.tick);
         self.done = Some(reference.tick);
         worker.remember(self.key, reference.tick, &mut self.controller);
         (self.report.state, self.report.reason) = match Fallback::from_code(command.fallback) {

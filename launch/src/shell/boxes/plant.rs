@@ -6,7 +6,7 @@ use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
-use hilare_interfaces::wires;
+use hilare_interfaces::wires::{self, Role};
 use hilare_plant::Plant;
 
 /// steps → truth, wheels, fix.
@@ -49,8 +49,10 @@ impl Reactive for PlantProcess {
                 continue;
             }
             self.done = Some(steps.tick);
+            worker.note_taken(Role::StepGenerator, steps.tick);
             let observed = self.plant.step(steps.tick, &steps);
             if let Some((wheels, fix)) = &self.sensors {
+                worker.note_telling(steps.tick);
                 // The fix first: whoever has the wheels of a tick has its fixes.
                 if let Some(seen) = &observed.fix {
                     fix.send(seen);

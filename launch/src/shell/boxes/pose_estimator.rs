@@ -121,10 +121,11 @@ impl EstimatorProcess {
     }
 
     /// The next tick of which everything is there, estimated.
-    fn next(&mut self) -> Option<Pose> {
+    fn next(&mut self, worker: &Worker) -> Option<Pose> {
         let Some(SensorInputs { wheels, fix, encoders, pairing, fixes }) = &mut self.sensors else {
             // A predecessor, or that of the step generator, may have been as far.
             let steps = iter::from_fn(|| self.steps.next()).find(|steps| is_new(self.done, steps.tick))?;
+            worker.note_taken(Role::StepGenerator, steps.tick);
             let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
             let pose = self.reckoner.step(steps.tick, inputs);
             self.report.rejected = self.reckoner.estimator.refused();
@@ -133,6 +134,7 @@ impl EstimatorProcess {
         let done = self.done;
         let mut new_steps = || iter::from_fn(|| self.steps.next()).find(|steps| is_new(done, steps.tick));
         let (steps, wheels) = pairing.next(&mut new_steps, || wheels.next())?;
+        worker.note_taken(Role::Plant, steps.tick);
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
         let pose = self.reckoner.step(steps.tick, inputs);
@@ -151,8 +153,10 @@ impl Reactive for EstimatorProcess {
             });
             period_begins = true;
         }
-        while let Some(pose) = self.next() {
+        while let Some(pose) = self.next(worker) {
+            worker.note_telling(pose.tick);
             self.pose.send(&pose);
+            worker.note_told(pose.tick);
             if self.done.is_some_and(|done| pose.tick > done + 1) {
                 self.report.state = HealthState::Degraded;
                 self.report.reason = "ticks were lost: the pose was reckoned across the gap";

@@ -97,10 +97,13 @@ impl SelectorProcess {
 
     /// Answers a pose that begins a control period.
     fn choose(&mut self, worker: &mut Worker, pose: &Pose) {
+        worker.note_taken(Role::PoseEstimator, pose.tick);
         let header = self.waiting.take();
         let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
         let reference = self.chooser.step(pose.tick, SelectorInputs { pose, path });
+        worker.note_telling(pose.tick);
         self.reference.send(&reference);
+        worker.note_told(pose.tick);
         self.done = Some(pose.tick);
         worker.remember(self.key, pose.tick, &mut self.chooser);
         self.report.steps += 1;

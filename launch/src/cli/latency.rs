@@ -1,0 +1,129 @@
+//! `hilare latency`, and the bare processes it starts.
+
+use super::run::set_flag;
+use super::{VerbResult, print, refused};
+use crate::config::System;
+use crate::latency::bare::{self, Part, Place};
+use crate::latency::{Figures, Measurement, load, measure, write_pictures};
+use crate::logging::{self, LogSink};
+use crate::manager::{Claim, Failure};
+use crate::report::write_file;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use tracing::Level;
+
+/// Longest measurement, s: a path has at most 65 536 waypoints.
+const LONGEST_S: f64 = 86_400.0;
+
+/// Options of `hilare latency`.
+#[derive(Args)]
+pub struct LatencyArgs {
+    /// How long to measure
+    #[arg(long, value_name = "N", default_value_t = 60.0)]
+    seconds: f64,
+    /// Load processor, memory and disk on every core meanwhile (stress-ng, where it is installed)
+    #[arg(long)]
+    load: bool,
+    /// Built-in system or a .toml file [built-in: epuck, cart, agv]
+    #[arg(long, value_name = "SYSTEM", default_value = "epuck")]
+    system: String,
+    /// Set a key of the system file, e.g. step_generator.cpu=0 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
+    /// Name the robot runs under
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
+    /// Write figures, pictures and raw histograms into this directory
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Answer in JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measures and prints.
+pub fn latency(args: &LatencyArgs) -> VerbResult {
+    if !(1.0..=LONGEST_S).contains(&args.seconds) {
+        return Err(refused(format!("--seconds {}: 1 to {LONGEST_S} are wanted", args.seconds)));
+    }
+    let mut system = System::load(&args.system).map_err(refused)?;
+    system.set_all(&args.set).map_err(refused)?;
+    if let Some(robot) = &args.robot {
+        set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
+    }
+    if let Some(dir) = &args.out {
+        std::fs::create_dir_all(dir).map_err(|e| {
+            refused(format!("--out {}: {e}; choose a directory you can write", dir.display()))
+        })?;
+    }
+    let log = LogSink::new(Level::WARN).map_err(refused)?;
+    logging::init_launch(&log);
+    let _written = log.written_at_end();
+    let bar = progress(args, &log);
+    let claim = Claim::new(&system.robot)?;
+    let what = Measurement { system, seconds: args.seconds, load: args.load };
+    let measured = measure(&what, claim, &log, |passed| bar.set_position(passed.as_secs()));
+    bar.finish_and_clear();
+    log.around(None);
+    log.flush();
+    let measured = measured?;
+    let figures = Figures::of(&measured);
+    let json = serde_json::to_string_pretty(&figures).map_err(|e| Failure::Fault(e.to_string()))? + "\n";
+    if let Some(dir) = &args.out {
+        let failed = |e: io::Error| Failure::Fault(e.to_string());
+        write_file(dir, "latency.json", &json).map_err(failed)?;
+        write_pictures(dir, &measured).map_err(failed)?;
+    }
+    if args.json {
+        print(&json);
+    } else {
+        print(&figures.to_text(&measured.causes));
+        if let Some(dir) = &args.out {
+            print(&format!("Figures, pictures and histograms: {}\n", dir.display()));
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn progress(args: &LatencyArgs, log: &LogSink) -> ProgressBar {
+    if args.json || !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(args.seconds as u64), log.draw_target());
+    let style = ProgressStyle::with_template("latency [{bar:30}] {pos}/{len} s");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
+    log.around(Some(bar.clone()));
+    bar
+}
+
+/// What `hilare latency` tells a bare process.
+#[derive(Args)]
+pub struct BareArgs {
+    part: String,
+    #[arg(long, default_value = ".")]
+    runtime_dir: PathBuf,
+    #[arg(long, allow_negative_numbers = true, default_value_t = -2)]
+    cpu: i64,
+    #[arg(long, default_value_t = 0)]
+    priority: u64,
+    #[arg(long, default_value_t = 0)]
+    phase_ns: u64,
+}
+
+/// One of the bare processes.
+pub fn bare(args: &BareArgs) -> VerbResult {
+    if args.part == "load" {
+        load::run();
+        return Ok(ExitCode::SUCCESS);
+    }
+    let part = Part::from_name(&args.part).ok_or_else(|| {
+        refused(format!("there is no bare process {:?}; they are started by hilare latency", args.part))
+    })?;
+    let place = Place { cpu: args.cpu, priority: args.priority, phase_ns: args.phase_ns };
+    let dir: &Path = &args.runtime_dir;
+    bare::run(part, place, dir).map_err(refused)?;
+    Ok(ExitCode::SUCCESS)
+}
