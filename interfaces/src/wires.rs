@@ -263,8 +263,8 @@ pub const POSE: Wire = Wire {
     from: &[Role::PoseEstimator],
     to: &[
         wakes(Role::WaypointSelector),
-        // A pose may reach its queue after the reference that answers it.
-        wakes(Role::Controller),
+        // The reference that answers a pose wakes it.
+        polls(Role::Controller),
         polls(Role::Planner),
         polls(Role::Recorder),
         polls(Role::Launch),

@@ -1,7 +1,7 @@
 //! Values by name, whatever they are part of.
 
 use super::keys::StartParams;
-use super::{Realtime, Supervision};
+use super::{Realtime, Supervision, WakeUp};
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
@@ -54,7 +54,8 @@ param_groups_are_groups!(
     CameraParams,
     EkfParams,
     PredictionParams,
-    Supervision
+    Supervision,
+    WakeUp
 );
 
 impl Group for Chassis {

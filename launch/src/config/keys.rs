@@ -2,7 +2,7 @@
 
 use super::group::Group;
 use super::texts::{ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, MAP, MOTORS, ROBOT, STANDBY, TextSpec};
-use super::{Supervision, System, realtime};
+use super::{Supervision, System, WakeUp, realtime};
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
@@ -132,6 +132,7 @@ pub(super) enum Section {
     Camera,
     Start,
     Supervision,
+    WakeUp,
     Realtime(Role),
 }
 
@@ -143,6 +144,7 @@ impl Section {
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
             .chain([Estimator, Planner, Fit, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
+            .chain([WakeUp])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -182,6 +184,7 @@ impl Section {
             Self::Camera => "camera".to_owned(),
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
+            Self::WakeUp => "wake_up".to_owned(),
             Self::Realtime(role) => format!("realtime.{}", role.name()),
         }
     }
@@ -253,6 +256,7 @@ impl Section {
             Self::Camera => CameraParams::SPECS,
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
+            Self::WakeUp => WakeUp::SPECS,
             Self::Realtime(role) => realtime::specs(role),
         }
     }
@@ -283,6 +287,7 @@ impl Section {
             Self::Camera => &system.camera,
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
+            Self::WakeUp => &system.wake_up,
             Self::Realtime(role) => &system.realtime[realtime::index(role)?],
         })
     }
@@ -306,6 +311,7 @@ impl Section {
             Self::Camera => &mut system.camera,
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
+            Self::WakeUp => &mut system.wake_up,
             Self::Realtime(role) => &mut system.realtime[realtime::index(role)?],
         })
     }

@@ -73,6 +73,16 @@ param_group! {
     }
 }
 
+param_group! {
+    /// What is done so that the clock wakes in time. Both cost processor time.
+    WakeUp {
+        /// The clock wakes this much before its tick and spins until then; the kernel's budget for real time is far.
+        spin_us: u64 = 0, "us", 0, 200;
+        /// A thread that runs only when nothing else does keeps the clock's processor from sleeping.
+        keep_awake: bool = false, "", 0, 1;
+    }
+}
+
 /// Systems that can be named without a file.
 const BUILT_IN: &[(&str, &str)] = &[
     ("epuck", include_str!("../../systems/epuck.toml")),
@@ -119,6 +129,8 @@ pub struct System {
     pub start: WorldPose,
     /// Restarts and arming.
     pub supervision: Supervision,
+    /// How the clock wakes.
+    pub wake_up: WakeUp,
     realtime: [Realtime; Role::WORKERS.len()],
 }
 
@@ -154,6 +166,7 @@ impl Default for System {
             camera: CameraParams::default(),
             start: WorldPose::default(),
             supervision: Supervision::default(),
+            wake_up: WakeUp::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
         }
     }

@@ -16,15 +16,16 @@ const LAST_CPU: i64 = -1;
 const NOT_PINNED: i64 = -2;
 const ROLES: usize = Role::WORKERS.len();
 
-/// What a role has when its section is absent. The clock preempts all; then whoever closes the loop
-/// soonest. All on one CPU: a hop is then a context switch, not an idle CPU's wake.
+/// What a role has when its section is absent. The clock preempts all; then who is nearer to it in the
+/// loop, and last the plant, which nobody waits for. All on one CPU: a hop is then a context switch, not an idle CPU's
+/// wake.
 const fn defaults(role: Role) -> Realtime {
     let priority = match role {
         Role::StepGenerator => 80,
-        Role::Plant => 75,
         Role::PoseEstimator => 70,
         Role::WaypointSelector => 65,
         Role::Controller => 60,
+        Role::Plant => 55,
         Role::Planner | Role::Recorder | Role::Launch => return Realtime::UNBOUND,
     };
     Realtime { cpu: LAST_CPU, priority }

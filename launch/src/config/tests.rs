@@ -53,7 +53,7 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
-             tracking, controller, estimator, planner, plant, camera, start, supervision, realtime",
+             tracking, controller, estimator, planner, plant, camera, start, supervision, wake_up, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
@@ -77,7 +77,7 @@ fn unknown_sections_name_the_one_that_was_meant() {
         (
             "[colour]",
             "1: unknown section [colour]; known: chassis, motors, limits, timing, tracking, controller, estimator, \
-             planner, plant, camera, start, supervision, realtime",
+             planner, plant, camera, start, supervision, wake_up, realtime",
         ),
         (
             "[limits.v_max_mps]\nx = 1",

@@ -42,11 +42,11 @@ impl Manager {
         }
     }
 
-    /// The recorder has read what there is before the writers go.
+    /// The recorder has read what there is, and the plant has told of it, before the writers go.
     fn await_recorder(&mut self) {
         let target = self.newest.steps.tick;
         let deadline = Instant::now() + REST_PATIENCE;
-        while self.page.least_progress(&[Role::Recorder]) < target && Instant::now() < deadline {
+        while self.page.least_progress(&[Role::Recorder, Role::Plant]) < target && Instant::now() < deadline {
             self.step(Duration::from_millis(2));
         }
     }

@@ -74,6 +74,8 @@ impl ClockProcess {
             return Ok(());
         }
         worker.timing().set_phase(monotonic_ns() % TICK_NS);
+        let real = worker.assignment.clock == ClockKind::Real;
+        let _awake = (real && worker.system.wake_up.keep_awake).then(realtime::keep_awake);
         self.begin(&mut worker);
         if self.armed_once {
             match worker.assignment.clock {
@@ -135,12 +137,18 @@ impl ClockProcess {
     }
 
     fn run_real(&mut self, worker: &mut Worker) {
+        let spin_ns = worker.system.wake_up.spin_us * 1000;
         let phase_ns = worker.timing().phase_ns();
         let mut deadline_ns = monotonic_ns() / TICK_NS * TICK_NS + phase_ns;
         let (mut done_ns, mut farewell) = (0, 0);
         loop {
             deadline_ns += TICK_NS;
-            sleep_until_ns(deadline_ns);
+            sleep_until_ns(deadline_ns - spin_ns);
+            if spin_ns > 0 {
+                // What there is to do early warms the caches for the rest.
+                self.take_in();
+                spin_until_ns(deadline_ns);
+            }
             let woke_ns = monotonic_ns();
             let late_ns = woke_ns.saturating_sub(deadline_ns);
             worker.timing().taken.record(late_ns);
@@ -207,6 +215,13 @@ fn last_stop() -> Authority {
 fn readers_behind(page: &SharedPage, tick: Tick) -> bool {
     let readers = [Role::PoseEstimator, Role::Plant, Role::Recorder];
     tick > page.least_progress(&readers).saturating_add(LOCKSTEP_LEAD)
+}
+
+/// Stays awake until a time; for so short a time only that nobody starves.
+fn spin_until_ns(deadline_ns: u64) {
+    while monotonic_ns() < deadline_ns {
+        std::hint::spin_loop();
+    }
 }
 
 /// Sleeps until a time on CLOCK_MONOTONIC.

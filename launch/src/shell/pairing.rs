@@ -78,6 +78,11 @@ impl<A: Stamped, B: Stamped> Pairing<A, B> {
         }
     }
 
+    /// True if one of the first kind is there without the other.
+    pub const fn waits(&self) -> bool {
+        self.waiting.is_some()
+    }
+
     /// Messages of the first kind whose partner was lost.
     pub fn lost(&self) -> u64 {
         self.lost

@@ -9,6 +9,11 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Pid, Resource, getrlimit};
 use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_getaffinity, sched_setaffinity};
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Stack of a thread that does nothing.
+const STACK: usize = 64 << 10;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,6 +127,35 @@ pub fn set_fifo(priority: u64, reset_on_fork: bool) -> io::Result<()> {
     // SAFETY: sets the calling thread's policy from a valid struct; no library wraps this call.
     let result = unsafe { libc::sched_setscheduler(0, policy, &parameters) };
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Keeps the calling thread's processor from sleeping as long as this lives: a thread that runs when nothing else
+/// does.
+pub struct KeptAwake {
+    over: Arc<AtomicBool>,
+}
+
+/// See [`KeptAwake`]. Without such a thread everything works, only less promptly.
+pub fn keep_awake() -> KeptAwake {
+    let over = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&over);
+    let _ = std::thread::Builder::new().name("keep-awake".into()).stack_size(STACK).spawn(move || {
+        let parameters = libc::sched_param { sched_priority: 0 };
+        // SAFETY: sets the calling thread's policy from a valid struct. A thread that stayed in real time would
+        // take the processor for itself.
+        if unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &parameters) } == 0 {
+            while !told.load(Ordering::Relaxed) {
+                std::hint::spin_loop();
+            }
+        }
+    });
+    KeptAwake { over }
+}
+
+impl Drop for KeptAwake {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+    }
 }
 
 /// Gives real time back: a process that leaves has much to unmap and nothing urgent.

@@ -116,6 +116,11 @@ pub trait Reactive {
         super::page::MAX_WAIT
     }
 
+    /// False if it looks by itself: then nobody spends a wake-up on it.
+    fn is_woken(&self) -> bool {
+        true
+    }
+
     /// Connects its ports to the other ends.
     fn connect(&self);
 
@@ -322,7 +327,13 @@ impl Worker {
                 // Who has come since gets what it missed now, not with the next message: it may be what that
                 // one waits for.
                 hosted.connect();
+            }
+            // Nothing else before it sleeps: on a shared core whoever it woke waits for that. What has come
+            // meanwhile has rung.
+            if hosted.is_woken() {
                 self.page.wait(slot, seen, hosted.poll_interval());
+            } else {
+                std::thread::sleep(hosted.poll_interval());
             }
         }
         realtime::release();

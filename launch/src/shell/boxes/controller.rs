@@ -3,6 +3,7 @@
 use super::is_new;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
+use crate::shell::page::MAX_WAIT;
 use crate::shell::pairing::Pairing;
 use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
@@ -12,6 +13,7 @@ use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
 use hilare_interfaces::wires::{self, Role, SUCCESSOR_PERIODS};
 use std::iter;
+use std::time::Duration;
 
 /// reference, pose → command.
 pub struct ControllerProcess {
@@ -31,6 +33,9 @@ pub struct ControllerProcess {
 
 /// Ticks after which the state a predecessor left is of no use to a controller any more.
 const STALE_TICKS: Tick = 100;
+
+/// How long a reference whose pose is not there yet is slept on: the pose wakes nobody here.
+const APART: Duration = Duration::from_micros(50);
 
 impl ControllerProcess {
     /// Opens its ports.
@@ -161,6 +166,10 @@ impl Reactive for ControllerProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn poll_interval(&self) -> Duration {
+        if self.pairing.waits() { APART } else { MAX_WAIT }
     }
 
     fn connect(&self) {

@@ -1,13 +1,15 @@
 //! The simulated robot's process.
 
 use super::is_new;
-use crate::shell::build;
+use crate::shell::page::MAX_WAIT;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
+use crate::shell::{ClockKind, build};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
 use hilare_interfaces::wires::{self, Role};
 use hilare_plant::Plant;
+use std::time::Duration;
 
 /// steps → truth, wheels, fix.
 pub struct PlantProcess {
@@ -19,7 +21,13 @@ pub struct PlantProcess {
     /// The tick that was simulated last.
     done: Option<Tick>,
     report: Report,
+    /// Somebody waits for what it says: its sensors' reader, or the lockstep clock.
+    awaited: bool,
 }
+
+/// How long a plant nobody waits for sleeps between two looks: few wake-ups, and the truth is there when the
+/// recorder looks.
+const LOOK: Duration = Duration::from_millis(4);
 
 impl PlantProcess {
     /// Opens its ports.
@@ -30,6 +38,7 @@ impl PlantProcess {
             false => None,
         };
         Ok(Self {
+            awaited: sensors.is_some() || worker.assignment.clock != ClockKind::Real,
             plant: build::plant(&worker.system)?,
             steps: domain.input(&wires::STEPS)?,
             truth: domain.output(&wires::TRUTH)?,
@@ -73,6 +82,14 @@ impl Reactive for PlantProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn poll_interval(&self) -> Duration {
+        if self.awaited { MAX_WAIT } else { LOOK }
+    }
+
+    fn is_woken(&self) -> bool {
+        self.awaited
     }
 
     fn connect(&self) {
