@@ -5,16 +5,15 @@ use super::memory::Memory;
 use super::plan::{Line, Plan, Process};
 use super::wire::Link;
 use hilare::config::System;
-use hilare::shell::boxes::Chooser;
 use hilare::shell::build;
 use hilare::shell::checkpoint::key_of;
-use hilare_interfaces::block::Tick;
+use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{GoalKind, PathHeader, Pose, Reference, ReferenceState, Waypoint};
 use hilare_interfaces::wires;
 use hilare_planner::{Navigator, Unlimited};
-use hilare_waypoint_selector::{NewPath, SelectorInputs};
+use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 
 /// A path and who it is.
 type Path = (PathHeader, Vec<Waypoint>);
@@ -93,8 +92,7 @@ pub struct Selector {
     /// From the pose estimator.
     pub pose: Link<Pose>,
     system: System,
-    chooser: Chooser,
-    repeats: bool,
+    selector: WaypointSelector,
     key: u64,
     /// A path on its way.
     path: Option<Path>,
@@ -114,8 +112,7 @@ impl Selector {
         Self {
             life: Life::new(plan, Process::WaypointSelector),
             pose: Link::new(&wires::POSE, Line::PoseToSelector, plan, seed),
-            chooser: Chooser::new(system),
-            repeats: false,
+            selector: build::waypoint_selector(system),
             key: key_of("waypoint_selector"),
             system: system.clone(),
             path: None,
@@ -130,9 +127,8 @@ impl Selector {
     /// A successor.
     pub fn start(&mut self, now: Tick, planner: &Planner, memory: &mut Memory) {
         self.life.start(now);
-        (self.chooser, self.done) =
-            memory.resume(Process::WaypointSelector, self.key, &self.system, Chooser::new);
-        self.repeats = self.done.is_some();
+        let build = build::waypoint_selector;
+        (self.selector, self.done) = memory.resume(Process::WaypointSelector, self.key, &self.system, build);
         (self.path, self.path_id, self.waiting) = (planner.history.clone(), 0, None);
         self.held = [None; 2];
         self.pose.new_reader(now);
@@ -157,10 +153,8 @@ impl Selector {
             self.path_id = path.0.path_id;
             self.waiting = Some(path);
         }
-        if std::mem::take(&mut self.repeats) {
-            self.chooser.told.iter().for_each(&mut send);
-        }
-        let lost = self.chooser.selector.awaits_path().is_some() && self.waiting.is_none();
+        self.take_up(&mut send);
+        let lost = self.selector.awaits_path().is_some() && self.waiting.is_none();
         while let Some(pose) = self.next(now, lost) {
             let begins_period = pose.tick.is_multiple_of(self.system.timing.period_ticks);
             if !begins_period || self.done.is_some_and(|done| pose.tick <= done) {
@@ -172,17 +166,33 @@ impl Selector {
             }
             let path = self.waiting.take();
             let path = path.as_ref().map(|(header, waypoints)| NewPath { header, waypoints });
-            self.reference = self.chooser.step(pose.tick, SelectorInputs { pose: &pose, path });
+            self.reference = self.selector.step(pose.tick, SelectorInputs { pose: &pose, path });
             send(&self.reference);
             if self.life.strike_amid(now) {
                 return;
             }
             self.done = Some(pose.tick);
-            memory.remember(Process::WaypointSelector, self.key, pose.tick, &mut self.chooser);
+            memory.remember(Process::WaypointSelector, self.key, pose.tick, &mut self.selector);
         }
     }
     fn next(&mut self, now: Tick, lost: bool) -> Option<Pose> {
         let held = self.held.iter_mut().find_map(|held| held.take_if(|_| !lost));
         held.or_else(|| self.pose.next(now))
+    }
+
+    /// The awaited path is there: what the predecessor said last is said again.
+    fn take_up(&mut self, send: &mut impl FnMut(&Reference)) {
+        let Some((header, waypoints)) =
+            self.waiting.as_ref().filter(|_| self.selector.awaits_path().is_some())
+        else {
+            return;
+        };
+        for reference in self.selector.take_up(NewPath { header, waypoints }) {
+            self.reference = reference;
+            send(&reference);
+        }
+        if self.selector.awaits_path().is_none() {
+            self.waiting = None;
+        }
     }
 }

@@ -7,6 +7,7 @@
 use super::Manager;
 use super::member::Duty;
 use crate::shell::ClockKind;
+use crate::shell::page::News;
 use crate::shell::realtime::{self, CpuChoice};
 use hilare_interfaces::wires::Role;
 use rustix::process::Pid;
@@ -30,6 +31,7 @@ impl Manager {
         (self.authority.standby_source, self.authority.standby_epoch) = self.pair(Duty::Standby);
         (self.authority.trial_source, self.authority.trial_epoch) = self.pair(Duty::Trial);
         self.ports.authority.send(&self.authority);
+        self.page.announce(News::Authority);
         for slot in self.page.members(Role::StepGenerator) {
             self.page.ring_slot(slot);
         }

@@ -9,7 +9,7 @@
 //! readers of the steps have kept up.
 
 use super::checkpoint::key_of;
-use super::page::{MAX_WAIT, SharedPage, monotonic_ns};
+use super::page::{MAX_WAIT, News, SharedPage, monotonic_ns};
 use super::timing::{LATE_NS, LateWakeUp};
 use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
@@ -31,6 +31,8 @@ const BACK_PRESSURE: Duration = Duration::from_micros(200);
 /// Commands taken in at most in one tick: all that may wait, so that a program that floods the wire keeps
 /// nobody else's command from being read.
 const COMMANDS_PER_TICK: usize = wires::COMMAND.buffer * max_publishers(&wires::COMMAND);
+/// Ticks after which authority is looked for unasked.
+const LOOKS: u32 = 10;
 /// Ticks in which a robot told to end its drive must stand still before the process leaves.
 const FAREWELL_TICKS: u64 = 100;
 
@@ -43,6 +45,9 @@ pub struct ClockProcess {
     key: u64,
     tick: Tick,
     armed_once: bool,
+    /// The announcement of authority that was looked after last, and the looks since.
+    announced: u32,
+    looks: u32,
     report: Report,
 }
 
@@ -59,6 +64,8 @@ impl ClockProcess {
             steps: worker.domain.output(&wires::STEPS)?,
             tick: resumed.unwrap_or(0),
             armed_once: resumed.is_some(),
+            announced: 0,
+            looks: LOOKS,
             report: Report::default(),
         })
     }
@@ -93,7 +100,7 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in();
+            self.take_in(&worker.page);
             if self.armed_once {
                 self.steps.send(self.generator.state());
                 worker.page.ring(&wires::STEPS);
@@ -106,13 +113,9 @@ impl ClockProcess {
     }
 
     /// Takes in everything that arrived, without spending a tick; the newest command.
-    fn take_in(&mut self) -> Option<Command> {
+    fn take_in(&mut self, page: &SharedPage) -> Option<Command> {
+        self.take_in_authority(page);
         let mut newest = None;
-        while let Some(authority) = self.authority.next() {
-            self.armed_once |= authority.mode == Mode::Armed.code();
-            let inputs = StepInputs { authority: Some(&authority), ..StepInputs::default() };
-            self.generator.take_in(self.tick, inputs);
-        }
         for _ in 0..COMMANDS_PER_TICK {
             let Some(command) = self.command.next() else { break };
             let inputs = StepInputs { commands: std::slice::from_ref(&command), ..StepInputs::default() };
@@ -120,6 +123,21 @@ impl ClockProcess {
             newest = Some(command);
         }
         newest
+    }
+
+    /// Authority is looked for when it was announced, and now and then.
+    fn take_in_authority(&mut self, page: &SharedPage) {
+        let announced = page.announced(News::Authority);
+        self.looks += 1;
+        if announced == self.announced && self.looks < LOOKS {
+            return;
+        }
+        (self.announced, self.looks) = (announced, 0);
+        while let Some(authority) = self.authority.next() {
+            self.armed_once |= authority.mode == Mode::Armed.code();
+            let inputs = StepInputs { authority: Some(&authority), ..StepInputs::default() };
+            self.generator.take_in(self.tick, inputs);
+        }
     }
 
     /// Executes one tick and publishes it.
@@ -136,6 +154,17 @@ impl ClockProcess {
         steps
     }
 
+    /// Awake before its time: what can be done early is done, which warms the caches for the rest. The newest command
+    /// that came.
+    fn await_awake(&mut self, page: &SharedPage, deadline_ns: u64) -> Option<Command> {
+        let early = self.take_in(page);
+        self.steps.connect();
+        while monotonic_ns() < deadline_ns {
+            std::hint::spin_loop();
+        }
+        early
+    }
+
     fn run_real(&mut self, worker: &mut Worker) {
         let spin_ns = worker.system.wake_up.spin_us * 1000;
         let phase_ns = worker.timing().phase_ns();
@@ -144,11 +173,7 @@ impl ClockProcess {
         loop {
             deadline_ns += TICK_NS;
             sleep_until_ns(deadline_ns - spin_ns);
-            if spin_ns > 0 {
-                // What there is to do early warms the caches for the rest.
-                self.take_in();
-                spin_until_ns(deadline_ns);
-            }
+            let early = if spin_ns > 0 { self.await_awake(&worker.page, deadline_ns) } else { None };
             let woke_ns = monotonic_ns();
             let late_ns = woke_ns.saturating_sub(deadline_ns);
             worker.timing().taken.record(late_ns);
@@ -165,7 +190,7 @@ impl ClockProcess {
                     StepInputs { authority: Some(&last_stop()), ..StepInputs::default() },
                 );
                 farewell += 1;
-            } else if let Some(command) = self.take_in() {
+            } else if let Some(command) = self.take_in(&worker.page).or(early) {
                 let slot = command.source.wrapping_sub(1) as usize;
                 if let Some(ns) = worker.page.timing(slot).since(command.pose_tick, woke_ns) {
                     worker.timing().age.record(ns);
@@ -188,7 +213,7 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in();
+            self.take_in(&worker.page);
             if self.generator.awaits_command(self.tick) {
                 // A successor among the readers may lack the steps that lead to it.
                 self.steps.connect();
@@ -215,13 +240,6 @@ fn last_stop() -> Authority {
 fn readers_behind(page: &SharedPage, tick: Tick) -> bool {
     let readers = [Role::PoseEstimator, Role::Plant, Role::Recorder];
     tick > page.least_progress(&readers).saturating_add(LOCKSTEP_LEAD)
-}
-
-/// Stays awake until a time; for so short a time only that nobody starves.
-fn spin_until_ns(deadline_ns: u64) {
-    while monotonic_ns() < deadline_ns {
-        std::hint::spin_loop();
-    }
 }
 
 /// Sleeps until a time on CLOCK_MONOTONIC.

@@ -36,6 +36,15 @@ pub enum Phase {
     Leave = 2,
 }
 
+/// What comes so seldom that whoever waits for it looks only when it is announced, and now and then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum News {
+    /// A path.
+    Path = 0,
+    /// A change of authority.
+    Authority = 1,
+}
+
 /// How far a worker is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
 pub enum SlotState {
@@ -65,6 +74,7 @@ struct Slot {
 pub struct Page {
     magic: AtomicU64,
     phase: AtomicU32,
+    news: [AtomicU32; 2],
     /// Bit set of slots for each role.
     members: [AtomicU64; 8],
     slots: [Slot; MAX_SLOTS],
@@ -92,6 +102,17 @@ impl Page {
         if slot.waiting.load(Ordering::SeqCst) != 0 {
             let _ = futex::wake(&slot.bell, futex::Flags::empty(), i32::MAX as u32);
         }
+    }
+
+    /// Says that something was sent.
+    pub fn announce(&self, what: News) {
+        self.news[what as usize].fetch_add(1, Ordering::Release);
+    }
+
+    /// A number that changes with every announcement.
+    #[inline]
+    pub fn announced(&self, what: News) -> u32 {
+        self.news[what as usize].load(Ordering::Acquire)
     }
 
     /// The bell of a slot; read it before looking at the wires, then give it to [`Page::wait`].

@@ -1,6 +1,7 @@
 //! The planner's process: goals in, paths and answers out.
 
 use super::build;
+use super::page::News;
 use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::geometry::WorldPoint;
@@ -111,6 +112,7 @@ impl Reactive for PlannerProcess {
         if let Some((header, path)) = self.first.take()
             && self.send(header, &path)
         {
+            worker.page.announce(News::Path);
             worker.page.ring(&wires::PATH);
         }
         if let Some(pose) = self.pose.last().filter(Pose::makes_sense) {
@@ -128,6 +130,7 @@ impl Reactive for PlannerProcess {
         }
         let answer = self.answer(worker, &goal.0, &goal.1);
         self.answer.send(&answer);
+        worker.page.announce(News::Path);
         worker.page.ring(&wires::PATH);
         self.report.steps += 1;
         true

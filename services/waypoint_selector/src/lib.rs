@@ -26,6 +26,7 @@ use hilare_interfaces::messages::{
 };
 use hilare_interfaces::param_group;
 use hilare_interfaces::state::{StateWords, Stateful};
+use hilare_interfaces::wires::SUCCESSOR_PERIODS;
 
 param_group! {
     /// How a path is tracked.
@@ -102,6 +103,8 @@ pub struct WaypointSelector {
     inside: bool,
     /// Where to go on once its path is there.
     awaited: Option<Progress>,
+    /// Where it was when it answered the last poses that its readers may still have to answer, the oldest first.
+    told: [Option<(Tick, Progress)>; SUCCESSOR_PERIODS],
 }
 
 impl WaypointSelector {
@@ -116,6 +119,7 @@ impl WaypointSelector {
             rejected_poses: 0,
             inside: false,
             awaited: None,
+            told: [None; SUCCESSOR_PERIODS],
         }
     }
 
@@ -134,6 +138,21 @@ impl WaypointSelector {
     /// path, or any other, is there.
     pub fn awaits_path(&self) -> Option<u64> {
         self.awaited.map(|progress| progress.path_id)
+    }
+
+    /// Takes the path it awaits, and repeats what the other selector said of it last, the oldest first: nobody
+    /// may have heard that. Nothing, and nothing is taken, if it awaits no path or another one.
+    pub fn take_up(&mut self, path: NewPath<'_>) -> impl Iterator<Item = Reference> {
+        let taken = self.awaited.filter(|awaited| awaited.is_on(&path)).is_some_and(|_| {
+            self.take_path(path);
+            // A path that is none is refused.
+            self.awaited.is_none()
+        });
+        let told = self.told.into_iter().flatten().filter(move |(_, told)| taken && told.is_on(&path));
+        told.map(|(tick, progress)| {
+            self.go_on(progress);
+            Reference { tick, ..self.reference }
+        })
     }
 
     fn progress(&self) -> Option<Progress> {
@@ -173,6 +192,8 @@ impl WaypointSelector {
 
     /// Takes up a path where another selector was.
     fn go_on(&mut self, progress: Progress) {
+        self.reference.state = ReferenceState::Tracking.code();
+        self.reference.speed_mps = self.tracking.speed_mps;
         self.point_at(progress.index);
         self.inside = progress.inside;
         if progress.arrived {
@@ -239,6 +260,11 @@ impl Block for WaypointSelector {
                 }
             }
         }
+        // What is answered while the path is awaited is not the other one's.
+        if let Some(progress) = self.progress().filter(|_| self.awaited.is_none()) {
+            self.told.rotate_left(1);
+            self.told[SUCCESSOR_PERIODS - 1] = Some((tick, progress));
+        }
         self.reference
     }
 }
@@ -248,6 +274,12 @@ impl Stateful for WaypointSelector {
     fn visit_state(&mut self, words: &mut StateWords<'_>) {
         let mut progress = self.progress();
         words.option(&mut progress, Progress::BLANK, Progress::visit_state);
+        for told in &mut self.told {
+            words.option(told, (0, Progress::BLANK), |(tick, progress), words| {
+                words.word(tick);
+                progress.visit_state(words);
+            });
+        }
         if words.is_loading() {
             self.awaited = progress;
             self.reference = Reference::ZERO;

@@ -44,7 +44,7 @@ fn successor(selector: &mut WaypointSelector) -> WaypointSelector {
 #[test]
 fn it_waits_for_its_path_and_goes_on_where_the_other_was() {
     let (mut old, square) = (new(Acceptance::Rim), square());
-    assert_eq!(state(&mut old), [0]);
+    assert_eq!(state(&mut old), [0; 4]);
     assert_eq!(successor(&mut old).awaits_path(), None);
     step(&mut old, (0.0, 0.0), Some(&square));
     step(&mut old, (0.39, 0.0), None);
@@ -60,6 +60,32 @@ fn it_waits_for_its_path_and_goes_on_where_the_other_was() {
     let (a, b) = (step(&mut old, (0.3, 0.0), None), step(&mut next, (0.3, 0.0), Some(&square)));
     assert_eq!((a, a.index), (b, 2));
     assert_eq!((next.awaits_path(), step(&mut third, (0.3, 0.0), Some(&square))), (None, a));
+}
+
+#[test]
+fn with_its_path_it_repeats_what_the_other_said_last() {
+    let (mut old, square) = (new(Acceptance::Rim), square());
+    step(&mut old, (0.0, 0.0), Some(&square));
+    let said: Vec<Reference> = [0.3, 0.39, 0.4].iter().map(|x| step(&mut old, (*x, 0.0), None)).collect();
+    assert_eq!(said.iter().map(|reference| reference.index).collect::<Vec<_>>(), [1, 2, 2]);
+    let take_up = |selector: &mut WaypointSelector, (path_id, waypoints): &Path| -> Vec<Reference> {
+        let header = PathHeader { path_id: *path_id, goal_id: 0 };
+        selector.take_up(NewPath { header: &header, waypoints }).collect()
+    };
+    assert_eq!(take_up(&mut old, &square), [], "it awaits none");
+    let mut next = successor(&mut old);
+    let broken = path(7, &[(0.0, f64::NAN), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3), (0.0, 0.0)]);
+    for other in [(8, square.1.clone()), (7, square.1[..4].to_vec()), broken] {
+        assert_eq!((take_up(&mut next, &other), next.awaits_path()), (vec![], Some(7)));
+    }
+    assert_eq!((take_up(&mut next, &square), next.awaits_path()), (said, None));
+    assert_eq!(step(&mut next, (0.4, 0.3), None), step(&mut old, (0.4, 0.3), None));
+    // On arrival, too, and of a path that was new then.
+    let there: Vec<Reference> = (0..9).map(|_| step(&mut old, (0.0, 0.0), None)).collect();
+    assert_eq!(take_up(&mut successor(&mut old), &square), there[6..]);
+    let other = path(9, &[(0.0, 0.0), (1.0, 0.0)]);
+    let first = step(&mut old, (0.0, 0.0), Some(&other));
+    assert_eq!(take_up(&mut successor(&mut old), &other), [first]);
 }
 
 #[test]

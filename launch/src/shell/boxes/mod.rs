@@ -8,7 +8,7 @@ mod waypoint_selector;
 pub use controller::ControllerProcess;
 pub use plant::PlantProcess;
 pub use pose_estimator::{EstimatorProcess, Reckoner};
-pub use waypoint_selector::{Chooser, SelectorProcess};
+pub use waypoint_selector::SelectorProcess;
 
 use super::ClockKind;
 use hilare_interfaces::block::Tick;

@@ -1,52 +1,19 @@
 //! The waypoint selector's process.
 
 use super::is_new;
-use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
-use crate::shell::told::Told;
+use crate::shell::page::News;
 use crate::shell::transport::{Input, Output, SliceInput};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
-use hilare_interfaces::state::{StateWords, Stateful};
 use hilare_interfaces::wires::{self, Role};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 
-/// The box, and the references it told last.
-pub struct Chooser {
-    /// The box.
-    pub selector: WaypointSelector,
-    /// What a successor tells again.
-    pub told: Told<Reference>,
-}
-
-impl Chooser {
-    /// Without a path.
-    pub fn new(system: &System) -> Self {
-        Self { selector: build::waypoint_selector(system), told: Told::default() }
-    }
-
-    /// One step of the box.
-    pub fn step(&mut self, tick: Tick, inputs: SelectorInputs<'_>) -> Reference {
-        let reference = self.selector.step(tick, inputs);
-        self.told.keep(reference);
-        reference
-    }
-}
-
-impl Stateful for Chooser {
-    fn visit_state(&mut self, words: &mut StateWords<'_>) {
-        self.selector.visit_state(words);
-        self.told.visit_state(words);
-    }
-}
-
 /// pose, path → reference.
 pub struct SelectorProcess {
-    chooser: Chooser,
-    /// What a predecessor told last is to be told again.
-    repeats: bool,
+    selector: WaypointSelector,
     pose: Input<Pose>,
     path: SliceInput<PathHeader, Waypoint>,
     reference: Output<Reference>,
@@ -61,16 +28,21 @@ pub struct SelectorProcess {
     /// when the other is there, too.
     held: [Option<Pose>; 2],
     report: Report,
+    /// The announcement of a path that was looked after last, and the looks at poses since.
+    announced: u32,
+    looks: u32,
 }
+
+/// Looks at poses after which the path is looked at unasked.
+const LOOKS: u32 = 10;
 
 impl SelectorProcess {
     /// Opens its ports.
     pub fn new(worker: &mut Worker) -> Result<Self, String> {
         let key = key_of(Role::WaypointSelector);
-        let (chooser, done) = worker.resume(key, Chooser::new);
+        let (selector, done) = worker.resume(key, build::waypoint_selector);
         Ok(Self {
-            chooser,
-            repeats: done.is_some(),
+            selector,
             pose: worker.domain.input(&wires::POSE)?,
             path: worker.domain.slice_input(&wires::PATH)?,
             reference: worker.domain.output(&wires::REFERENCE)?,
@@ -81,12 +53,32 @@ impl SelectorProcess {
             done,
             held: [None; 2],
             report: Report { tick: done.unwrap_or(0), ..Report::default() },
+            announced: 0,
+            looks: 0,
         })
+    }
+
+    /// The path that was awaited is there: what the predecessor said last is said again, because it may have
+    /// died before anybody heard it, or those who did may be dead.
+    fn take_up(&mut self) -> bool {
+        let Some(header) = self.waiting.filter(|_| self.selector.awaits_path().is_some()) else {
+            return false;
+        };
+        let path = NewPath { header: &header, waypoints: &self.waiting_points };
+        let mut sent = false;
+        for reference in self.selector.take_up(path) {
+            self.reference.send(&reference);
+            sent = true;
+        }
+        if self.selector.awaits_path().is_none() {
+            self.waiting = None;
+        }
+        sent
     }
 
     /// A successor says nothing new before it has the path again: to stand still would be an order.
     fn is_lost(&self) -> bool {
-        self.chooser.selector.awaits_path().is_some() && self.waiting.is_none()
+        self.selector.awaits_path().is_some() && self.waiting.is_none()
     }
 
     /// The next pose: those that were held, if they can be answered now, then those that come.
@@ -100,15 +92,26 @@ impl SelectorProcess {
         worker.note_taken(Role::PoseEstimator, pose.tick);
         let header = self.waiting.take();
         let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
-        let reference = self.chooser.step(pose.tick, SelectorInputs { pose, path });
+        let reference = self.selector.step(pose.tick, SelectorInputs { pose, path });
         worker.note_telling(pose.tick);
         self.reference.send(&reference);
         worker.note_told(pose.tick);
         self.done = Some(pose.tick);
-        worker.remember(self.key, pose.tick, &mut self.chooser);
+        worker.remember(self.key, pose.tick, &mut self.selector);
         self.report.steps += 1;
-        let selector = &self.chooser.selector;
-        self.report.rejected = selector.rejected_paths() + selector.rejected_poses();
+        self.report.rejected = self.selector.rejected_paths() + self.selector.rejected_poses();
+    }
+
+    /// A path is looked for when one was announced, as long as there is none, and now and then: where there is
+    /// none, that look is a good part of the time between a pose and its reference.
+    fn path_may_be_there(&mut self, worker: &Worker) -> bool {
+        let announced = worker.page.announced(News::Path);
+        self.looks += 1;
+        let wanted = self.report.path_id == 0 || announced != self.announced || self.looks >= LOOKS;
+        if wanted {
+            (self.announced, self.looks) = (announced, 0);
+        }
+        wanted
     }
 
     /// Copies a new path out of shared memory; it takes effect at the next control period.
@@ -131,17 +134,12 @@ impl SelectorProcess {
 
 impl Reactive for SelectorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
-        let mut worked = self.take_path();
+        let mut worked = self.path_may_be_there(worker) && self.take_path();
         if self.is_lost() {
             // It has the path, and sleeps.
             worker.page.members(Role::Planner).for_each(|slot| worker.page.ring_slot(slot));
         }
-        let mut chosen = std::mem::take(&mut self.repeats);
-        if chosen {
-            self.chooser.told.iter().for_each(|reference| {
-                self.reference.send(reference);
-            });
-        }
+        let mut chosen = self.take_up();
         let lost = self.is_lost();
         while let Some(pose) = self.next(lost) {
             worked = true;
