@@ -149,7 +149,8 @@ mod tests {
         let jittery = StepperParams { tick_jitter_s: 1e-6, ..whole };
         assert_eq!(jittery.pulse_ticks(), PulseTicks { interval: 2, setup: 4, hold: 3 });
         // A driver that is much faster than the ticks, but at the mercy of their jitter.
-        let quick = StepperParams { pulse_length_s: 1e-7, pulse_space_s: 1e-7, tick_jitter_s: 0.001, ..plain };
+        let quick =
+            StepperParams { pulse_length_s: 1e-7, pulse_space_s: 1e-7, tick_jitter_s: 0.001, ..plain };
         assert_eq!(quick.pulse_ticks(), PulseTicks { interval: 2, setup: 0, hold: 2 });
         for (rate_hz, interval) in [(1000.0, 1), (999.9, 2), (500.0, 2), (333.0, 4), (1.0, 1000)] {
             let slow = StepperParams { pulse_rate_max_hz: rate_hz, ..plain };

@@ -203,7 +203,8 @@ fn steps_a_tick(system: &System) -> Option<Conflict> {
 fn what_limits_pulses(stepper: &StepperParams) -> (String, String) {
     let interval = stepper.pulse_ticks().interval;
     if interval == 1 {
-        let or = if stepper.microsteps > 1 { "lower motors.microsteps" } else { "raise motors.step_length_m" };
+        let or =
+            if stepper.microsteps > 1 { "lower motors.microsteps" } else { "raise motors.step_length_m" };
         return ("a tick (1 ms)".to_owned(), or.to_owned());
     }
     let plain = StepperParams::default();

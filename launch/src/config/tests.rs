@@ -130,7 +130,10 @@ fn wrong_values_say_what_is_wanted() {
         ("[limits]\nv_max_mps = -inf", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[limits]\nv_max_mps = 1e999", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[motors]\npulse_length_s = 1.9", "2: motors.pulse_length_s: 1.9 s is outside 0 to 0.1 s"),
-        ("[motors]\npulse_rate_max_hz = 2000", "2: motors.pulse_rate_max_hz: 2000 Hz is outside 1 to 1000 Hz"),
+        (
+            "[motors]\npulse_rate_max_hz = 2000",
+            "2: motors.pulse_rate_max_hz: 2000 Hz is outside 1 to 1000 Hz",
+        ),
         ("[motors]\nmicrosteps = 0", "2: motors.microsteps: 0 is outside 1 to 256"),
         ("[motors]\ninvert_left = 1", "2: motors.invert_left: the number 1 is not true or false"),
         ("[limits]\nv_max_mps = -1", "2: limits.v_max_mps: -1 m/s is outside 0 to 10 m/s"),
@@ -252,7 +255,10 @@ fn wheels_faster_than_their_pulses_are_refused_with_what_makes_them_slow() {
         ),
     ];
     for (line, expected) in cases {
-        assert_eq!(error(&format!("[motors]\n{line}")), format!("robot.toml:{}: a wheel at {expected}", 2 + line.matches('\n').count()));
+        assert_eq!(
+            error(&format!("[motors]\n{line}")),
+            format!("robot.toml:{}: a wheel at {expected}", 2 + line.matches('\n').count())
+        );
         let slower = "[chassis]\nwheel_speed_max_right_radps = 0.406\nwheel_speed_max_left_radps = 0.406";
         System::parse("robot.toml", &format!("[motors]\n{line}\n{slower}")).unwrap();
     }

@@ -40,7 +40,8 @@ pub struct PulseTrain {
     per_tick_rad: PerWheel<f64>,
     /// What the set-up time of DIR lets come beforehand.
     ahead_rad: PerWheel<f64>,
-    standing: bool,
+    /// Owed angles from which on there is something to be done; none where the robot is to stand.
+    act_from_rad: [PerWheel<f64>; 2],
     owed_rad: PerWheel<f64>,
     counts: PerWheel<i64>,
     forward: PerWheel<bool>,
@@ -65,7 +66,7 @@ impl PulseTrain {
             forward_level,
             per_tick_rad: [0.0; 4],
             ahead_rad: [0.0; 4],
-            standing: true,
+            act_from_rad: [[f64::NEG_INFINITY; 4], [f64::INFINITY; 4]],
             owed_rad: [0.0; 4],
             counts: [0; 4],
             forward: [true; 4],
@@ -90,7 +91,12 @@ impl PulseTrain {
         }
         // [MH18] (26)
         self.per_tick_rad = speeds_radps.map(|speed| speed * TICK_S);
-        self.standing = speeds_radps == [0.0; 4];
+        let standing = speeds_radps == [0.0; 4];
+        let step_rad = if standing { f64::INFINITY } else { self.step_rad };
+        self.act_from_rad = [
+            self.ahead_rad.map(|ahead| -step_rad - ahead.min(0.0)),
+            self.ahead_rad.map(|ahead| step_rad - ahead.max(0.0)),
+        ];
         speeds_radps
     }
 
@@ -101,25 +107,21 @@ impl PulseTrain {
             return self.count_whole();
         };
         self.now += 1;
-        if self.standing {
-            return;
-        }
         for wheel in 0..self.wheels {
             // [MH18] (27)
             let owed = self.owed_rad[wheel] + self.per_tick_rad[wheel];
             self.owed_rad[wheel] = owed;
-            let ahead = owed + self.ahead_rad[wheel];
-            if owed.abs() >= self.step_rad || ahead.abs() >= self.step_rad {
-                self.turn_and_step(wheel, pace, ahead);
+            if owed >= self.act_from_rad[1][wheel] || owed <= self.act_from_rad[0][wheel] {
+                self.turn_and_step(wheel, pace);
             }
         }
     }
 
     /// A step is due, or will be when DIR has been set up for it.
-    fn turn_and_step(&mut self, wheel: usize, pace: PulseTicks, ahead_rad: f64) {
+    fn turn_and_step(&mut self, wheel: usize, pace: PulseTicks) {
         let (now, owed) = (self.now, self.owed_rad[wheel]);
         let due = owed.abs() >= self.step_rad;
-        let forward = if due { owed > 0.0 } else { ahead_rad > 0.0 };
+        let forward = if due { owed > 0.0 } else { self.ahead_rad[wheel] > 0.0 };
         if forward != self.forward[wheel] && now >= self.turn_from[wheel] {
             self.turn(wheel, forward);
             self.pulse_from[wheel] = self.pulse_from[wheel].max(now + pace.setup);

@@ -232,8 +232,7 @@ impl Ride {
         let paused_ticks = if self.random.one_in(500) { self.random.whole(1, 100) } else { 0 };
         let authority = self.tell();
         let command = if self.last.tick.is_multiple_of(5) { self.command() } else { None };
-        let inputs =
-            StepInputs { authority: authority.as_ref(), commands: command.as_slice(), paused_ticks };
+        let inputs = StepInputs { authority: authority.as_ref(), commands: command.as_slice(), paused_ticks };
         let steps = self.generator.step(self.last.tick, inputs);
         let drive = Drive::from_code(steps.drive);
         let standing =
