@@ -4,6 +4,12 @@
 //! with the state their predecessor left. `HILARE_PULSE_TICKS` is how many ticks (10⁹ are some minutes in release),
 //! `HILARE_PULSE_SEED` the first seed. A failure names the seed of its drive.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_macros,
+    reason = "a test is told how long it runs, and what it has seen is worth seeing"
+)]
+
 mod judge;
 
 use hilare_interfaces::block::{Block, TICK_S};
@@ -283,8 +289,11 @@ fn no_driver_is_asked_for_more_than_it_can_do() {
     assert!(pulses > done / 20 && turns > done / 2_000 && restarts * 10_000 > done && paused > done / 50);
 }
 
-/// What a judge says of a course: a line for each tick, its level and what is added to its count.
-fn verdict(times: Times, course: &[(u64, i64)]) -> Result<(), Violation> {
+/// A wheel's wires tick by tick: the level of DIR, and what is added to the count.
+type Course = &'static [(u64, i64)];
+
+/// What a judge says of a course.
+fn verdict(times: Times, course: Course) -> Result<(), Violation> {
     let mut line = Line { count: 0, level: 1 };
     let mut judge = Judge::new(times, false, line);
     // Long ago.
@@ -304,32 +313,34 @@ fn the_judge_sees_each_kind_of_violation() {
     let hold = Times { length_ns: 1_500_000, hold_ns: 500_001, ..plain };
     let jitter = |times: Times| Times { jitter_ns: 999_999, ..times };
     let quick = Times { setup_ns: 20, hold_ns: 20, length_ns: 100, space_ns: 100, ..plain };
-    let (on, off, back) = ((1, 1), (1, 0), (0, -1));
-    let fine: [(Times, &[(u64, i64)]); 8] = [
-        (plain, &[on, on, back, back, on]),
-        (spaced, &[on, off, on]),
-        (slow, &[on, off, off, on]),
-        (setup, &[on, (0, 0), (0, 0), back]),
-        (hold, &[on, off, off, back]),
-        (quick, &[on, on, (0, 0), back]),
-        (jitter(quick), &[on, off, on, off, (0, 0), (0, 0), back]),
-        (jitter(plain), &[on, on, back, on]),
+    const ON: (u64, i64) = (1, 1);
+    const OFF: (u64, i64) = (1, 0);
+    const BACK: (u64, i64) = (0, -1);
+    let fine: [(Times, Course); 8] = [
+        (plain, &[ON, ON, BACK, BACK, ON]),
+        (spaced, &[ON, OFF, ON]),
+        (slow, &[ON, OFF, OFF, ON]),
+        (setup, &[ON, (0, 0), (0, 0), BACK]),
+        (hold, &[ON, OFF, OFF, BACK]),
+        (quick, &[ON, ON, (0, 0), BACK]),
+        (jitter(quick), &[ON, OFF, ON, OFF, (0, 0), (0, 0), BACK]),
+        (jitter(plain), &[ON, ON, BACK, ON]),
     ];
     for (times, course) in fine {
         assert_eq!(verdict(times, course), Ok(()), "{times:?} {course:?}");
     }
-    let wrong: [(Times, &[(u64, i64)], Violation); 11] = [
-        (plain, &[on, (1, 2)], Violation::Burst),
-        (plain, &[on, (1, -1)], Violation::WrongWay),
+    let wrong: [(Times, Course, Violation); 11] = [
+        (plain, &[ON, (1, 2)], Violation::Burst),
+        (plain, &[ON, (1, -1)], Violation::WrongWay),
         (plain, &[(0, 1)], Violation::WrongWay),
         (plain, &[(2, 0)], Violation::Level),
-        (spaced, &[on, on], Violation::TooSoon),
-        (slow, &[on, off, on], Violation::TooSoon),
-        (setup, &[on, (0, 0), back], Violation::Setup),
-        (quick, &[on, back], Violation::Setup),
-        (hold, &[on, off, (0, 0)], Violation::Hold),
-        (jitter(quick), &[on, on], Violation::TooSoon),
-        (jitter(quick), &[on, off, (0, 0), back], Violation::Setup),
+        (spaced, &[ON, ON], Violation::TooSoon),
+        (slow, &[ON, OFF, ON], Violation::TooSoon),
+        (setup, &[ON, (0, 0), BACK], Violation::Setup),
+        (quick, &[ON, BACK], Violation::Setup),
+        (hold, &[ON, OFF, (0, 0)], Violation::Hold),
+        (jitter(quick), &[ON, ON], Violation::TooSoon),
+        (jitter(quick), &[ON, OFF, (0, 0), BACK], Violation::Setup),
     ];
     for (times, course, violation) in wrong {
         assert_eq!(verdict(times, course), Err(violation), "{times:?} {course:?}");
