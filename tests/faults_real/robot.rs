@@ -179,8 +179,8 @@ fn drivers_have_their_times_whatever_the_host_takes_away() {
     let driver = [
         "motors.pulse_length_s=0.0011",
         "motors.pulse_space_s=0.0008",
-        "motors.direction_setup_s=0.0042",
-        "motors.direction_hold_s=0.003",
+        "motors.direction_setup_s=0.0092",
+        "motors.direction_hold_s=0.0115",
         "motors.invert_left=true",
     ];
     let mut system = System::load("epuck").expect("built in");

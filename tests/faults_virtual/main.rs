@@ -47,8 +47,8 @@ const DRIVERS: [&str; 6] = [
     "motors.pulse_length_s=0.0011",
     "motors.pulse_space_s=0.0008",
     "motors.tick_jitter_s=0.0001",
-    "motors.direction_setup_s=0.0042",
-    "motors.direction_hold_s=0.003",
+    "motors.direction_setup_s=0.0092",
+    "motors.direction_hold_s=0.0115",
     "motors.invert_left=true",
 ];
 
