@@ -8,9 +8,9 @@
 //! input either way. What has to wait stays owed and is made up for at no more than the highest rate:
 //!
 //! ```text
-//! ω          ++++++++++++++------------------------------
-//! pulse      _|___|___|___|_______|___|___|___|___|___|__    interval 4
-//! DIR        ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾\____________________________    hold 4 after the last +, set-up 3 before the first −
+//! ω          ++++++++++++++------------------------------------
+//! pulse      _|___|___|___|______|___|___|___|___|___|___|___|_    interval 4
+//! DIR        ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾\________________________________    4 of hold after the last +, 3 of set-up before the first −
 //! ```
 //!
 //! DIR turns as late as it may, so it does not swing with every change of sign of a slow wheel. More than the pulses
