@@ -53,7 +53,7 @@
 /* step_generator -> pose_estimator, plant, recorder, launch, 1 kHz: cumulative signed counts a wheel,
  * commanded wheel speeds. Steps. */
 #define HILARE_STEPS_SERVICE "hilare/steps"
-#define HILARE_STEPS_LAYOUT "445f315d5a091eee 0.1.0"
+#define HILARE_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
 
 /* plant -> pose_estimator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
  * Wheels. */
@@ -374,15 +374,20 @@ static_assert(offsetof(hilare_authority, standby_epoch) == 48, "laid out otherwi
 static_assert(offsetof(hilare_authority, trial_source) == 56, "laid out otherwise here");
 static_assert(offsetof(hilare_authority, trial_epoch) == 64, "laid out otherwise here");
 
-#define HILARE_STEPS_NAME "hilare/Steps/v2"
+#define HILARE_STEPS_NAME "hilare/Steps/v3"
 
-/* State of the step generator after a tick. */
+/* State of the step generator after a tick. A drive for steppers sets DIR to dir_level, then makes a
+ * pulse on STEP for each wheel whose count is not that of the message before: it differs by one. The
+ * length of the pulse and the space after it are over before the next one is told; set-up and hold of
+ * DIR are kept by the messages (motors.direction_*). */
 typedef struct hilare_steps {
     HILARE_TYPE_NAME(HILARE_STEPS_NAME)
     /* Ticks executed; message n follows the n-th tick, message 0 precedes the first. */
     uint64_t tick;
     /* Cumulative signed steps a wheel. */
     int64_t counts[4];
+    /* Level of each wheel's DIR input, 1 high, 0 low, inverted where the wiring is; 0 without steppers. */
+    uint64_t dir_level[4];
     /* Commanded wheel speeds after the input constraints, rad/s. */
     double wheel_speed_radps[4];
     /* Commanded twist after the input constraints: m/s, m/s, rad/s. */
@@ -424,28 +429,29 @@ typedef struct hilare_steps {
     uint64_t paused_max_ticks;
 } hilare_steps;
 
-static_assert(sizeof(hilare_steps) == 232, "laid out otherwise here");
+static_assert(sizeof(hilare_steps) == 264, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, tick) == 0, "laid out otherwise here");
 static_assert(offsetof(hilare_steps, counts) == 8, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, wheel_speed_radps) == 40, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, twist) == 72, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, drive) == 96, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, source) == 104, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, term) == 112, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, in_charge) == 120, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, epoch) == 128, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, standby_answers) == 136, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, trial_answers) == 144, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, commands_late) == 152, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, commands_rejected) == 160, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, refusal) == 168, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, refused_source) == 176, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, cycles_without_command) == 184, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, commands_borrowed) == 192, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, promotions) == 200, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, ticks_late) == 208, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, paused_ticks) == 216, "laid out otherwise here");
-static_assert(offsetof(hilare_steps, paused_max_ticks) == 224, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, dir_level) == 40, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, wheel_speed_radps) == 72, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, twist) == 104, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, drive) == 128, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, source) == 136, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, term) == 144, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, in_charge) == 152, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, epoch) == 160, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, standby_answers) == 168, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, trial_answers) == 176, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, commands_late) == 184, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, commands_rejected) == 192, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, refusal) == 200, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, refused_source) == 208, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, cycles_without_command) == 216, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, commands_borrowed) == 224, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, promotions) == 232, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, ticks_late) == 240, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, paused_ticks) == 248, "laid out otherwise here");
+static_assert(offsetof(hilare_steps, paused_max_ticks) == 256, "laid out otherwise here");
 
 #define HILARE_WHEELS_NAME "hilare/Wheels/v1"
 

@@ -388,13 +388,19 @@ _check(
 
 
 class Steps(ctypes.Structure):
-    """State of the step generator after a tick."""
+    """State of the step generator after a tick. A drive for steppers sets DIR to dir_level, then makes a
+    pulse on STEP for each wheel whose count is not that of the message before: it differs by one. The
+    length of the pulse and the space after it are over before the next one is told; set-up and hold
+    of DIR are kept by the messages (motors.direction_*).
+    """
 
     _fields_ = [
         # Ticks executed; message n follows the n-th tick, message 0 precedes the first.
         ("tick", ctypes.c_uint64),
         # Cumulative signed steps a wheel.
         ("counts", ctypes.c_int64 * 4),
+        # Level of each wheel's DIR input, 1 high, 0 low, inverted where the wiring is; 0 without steppers.
+        ("dir_level", ctypes.c_uint64 * 4),
         # Commanded wheel speeds after the input constraints, rad/s.
         ("wheel_speed_radps", ctypes.c_double * 4),
         # Commanded twist after the input constraints: m/s, m/s, rad/s.
@@ -439,33 +445,34 @@ class Steps(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """What iceoryx2 calls it."""
-        return "hilare/Steps/v2"
+        return "hilare/Steps/v3"
 
 
 _check(
     Steps,
-    232,
+    264,
     tick=0,
     counts=8,
-    wheel_speed_radps=40,
-    twist=72,
-    drive=96,
-    source=104,
-    term=112,
-    in_charge=120,
-    epoch=128,
-    standby_answers=136,
-    trial_answers=144,
-    commands_late=152,
-    commands_rejected=160,
-    refusal=168,
-    refused_source=176,
-    cycles_without_command=184,
-    commands_borrowed=192,
-    promotions=200,
-    ticks_late=208,
-    paused_ticks=216,
-    paused_max_ticks=224,
+    dir_level=40,
+    wheel_speed_radps=72,
+    twist=104,
+    drive=128,
+    source=136,
+    term=144,
+    in_charge=152,
+    epoch=160,
+    standby_answers=168,
+    trial_answers=176,
+    commands_late=184,
+    commands_rejected=192,
+    refusal=200,
+    refused_source=208,
+    cycles_without_command=216,
+    commands_borrowed=224,
+    promotions=232,
+    ticks_late=240,
+    paused_ticks=248,
+    paused_max_ticks=256,
 )
 
 
@@ -707,7 +714,7 @@ AUTHORITY = Wire("hilare/authority", Authority, None, "5fe1e47848fda10e 0.1.0")
 
 # step_generator -> pose_estimator, plant, recorder, launch, 1 kHz: cumulative signed counts a wheel,
 # commanded wheel speeds. Steps.
-STEPS = Wire("hilare/steps", Steps, None, "445f315d5a091eee 0.1.0")
+STEPS = Wire("hilare/steps", Steps, None, "91db82b2e31b8da9 0.1.0")
 
 # plant -> pose_estimator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
 # Wheels.

@@ -156,11 +156,17 @@ wire_message! {
 
 wire_message! {
     /// State of the step generator after a tick.
-    Steps = "hilare/Steps/v2" {
+    ///
+    /// A drive for steppers sets DIR to `dir_level`, then makes a pulse on STEP for each wheel whose count is not
+    /// that of the message before: it differs by one. The length of the pulse and the space after it are over
+    /// before the next one is told; set-up and hold of DIR are kept by the messages (`motors.direction_*`).
+    Steps = "hilare/Steps/v3" {
         /// Ticks executed; message n follows the n-th tick, message 0 precedes the first.
         tick: u64,
         /// Cumulative signed steps a wheel.
         counts: [i64; MAX_WHEELS],
+        /// Level of each wheel's DIR input, 1 high, 0 low, inverted where the wiring is; 0 without steppers.
+        dir_level: [u64; MAX_WHEELS],
         /// Commanded wheel speeds after the input constraints, rad/s.
         wheel_speed_radps: [f64; MAX_WHEELS],
         /// Commanded twist after the input constraints: m/s, m/s, rad/s.

@@ -111,6 +111,8 @@ fn words_of(steps: &Steps) -> String {
         steps.tick,
         steps.counts[0].cast_unsigned(),
         steps.counts[1].cast_unsigned(),
+        steps.dir_level[0],
+        steps.dir_level[1],
         steps.twist[0].to_bits(),
         steps.twist[2].to_bits(),
         steps.drive,
@@ -133,6 +135,7 @@ fn steps_of(mut words: impl Iterator<Item = u64>) -> Option<Steps> {
     let mut steps = Steps { tick: next()?, ..Steps::ZERO };
     steps.counts[0] = next()?.cast_signed();
     steps.counts[1] = next()?.cast_signed();
+    (steps.dir_level[0], steps.dir_level[1]) = (next()?, next()?);
     steps.twist[0] = f64::from_bits(next()?);
     steps.twist[2] = f64::from_bits(next()?);
     steps.drive = next()?;

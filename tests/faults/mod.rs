@@ -10,7 +10,7 @@
 //! * [`rig`]: every box of the diagram as a process in virtual time ([`motion`], [`ways`], [`controller`],
 //!   [`launch`]), with [`wire`]s on which faults act, [`life`]s that end and begin again, and what the boxes
 //!   remember beyond their death ([`memory`]).
-//! * [`watch`]: what holds at every tick.
+//! * [`watch`]: what holds at every tick; beside it a [`judge`] of what drivers are asked for.
 //! * [`drive`]: a real robot under way, with processes beside it that are no part of it ([`cast`]).
 //! * [`host`]: a full disk, a closed output, a clock that jumps; and how late the machine itself is.
 //! * [`report`]: the fault table with what was measured.
@@ -22,6 +22,8 @@ pub mod cast;
 pub mod controller;
 pub mod drive;
 pub mod host;
+#[path = "../../services/step_generator/tests/judge/mod.rs"]
+pub mod judge;
 pub mod launch;
 pub mod life;
 pub mod memory;

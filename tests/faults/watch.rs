@@ -1,10 +1,12 @@
 //! What holds at every tick, whatever goes wrong. Nothing here is taken from the step generator but what it
 //! publishes and the limits it was given.
 
+use super::judge::{Judge, Line, Times};
 use hilare::config::System;
 use hilare_interfaces::block::{TICK_S, Tick};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Drive, Mode, Pose, Steps};
+use hilare_interfaces::motors::Motors;
 use std::collections::VecDeque;
 
 /// Rounding of sums and products of a few numbers.
@@ -41,6 +43,7 @@ pub struct Watch {
     before: Steps,
     opened: Steps,
     counts: VecDeque<[i64; 4]>,
+    judges: Vec<Judge>,
     cycles: Cycles,
 }
 
@@ -59,6 +62,7 @@ impl Watch {
             before: Steps::ZERO,
             opened: Steps::ZERO,
             counts: VecDeque::from([[0; 4]]),
+            judges: judges(system),
             cycles: Cycles::default(),
         }
     }
@@ -102,6 +106,7 @@ impl Watch {
         self.within_limits(steps);
         self.no_jump(steps);
         self.no_burst(steps);
+        judge(&mut self.judges, steps);
         self.counters(steps);
         self.close_cycle(steps);
         self.prev = *steps;
@@ -226,6 +231,34 @@ impl Watch {
             (1, _) => self.cycles.without += 1,
             (_, 1) => self.cycles.borrowed += 1,
             _ => self.cycles.own += 1,
+        }
+    }
+}
+
+/// One for each wheel with a stepper, of a robot that has just been started: every DIR forward.
+pub fn judges(system: &System) -> Vec<Judge> {
+    let Motors::Stepper(stepper) = &system.motors else { return Vec::new() };
+    let ns = |time_s: f64| (time_s * 1e9).round() as u64;
+    let times = Times {
+        length_ns: ns(stepper.pulse_length_s),
+        space_ns: ns(stepper.pulse_space_s),
+        setup_ns: ns(stepper.direction_setup_s),
+        hold_ns: ns(stepper.direction_hold_s),
+        jitter_ns: ns(stepper.tick_jitter_s),
+        period_ns: ns(1.0 / stepper.pulse_rate_max_hz),
+    };
+    let of = |inverted: bool| Judge::new(times, inverted, Line { count: 0, level: u64::from(!inverted) });
+    vec![of(stepper.invert_right), of(stepper.invert_left)]
+}
+
+/// Lets them see the next tick.
+#[track_caller]
+pub fn judge(judges: &mut [Judge], steps: &Steps) {
+    let standing = steps.twist == [0.0; 3];
+    for (wheel, judge) in judges.iter_mut().enumerate() {
+        let line = Line { count: steps.counts[wheel], level: steps.dir_level[wheel] };
+        if let Err(violation) = judge.sees(steps.tick, line, standing) {
+            panic!("tick {}: wheel {wheel}: {violation}: {steps:?}", steps.tick);
         }
     }
 }

@@ -1,12 +1,14 @@
 //! The whole robot: launch, the emergency stop, pauses of the host.
 
 use super::controllers::CORNERS;
-use crate::faults::cast::Witness;
+use crate::faults::cast::{Seen, Witness};
 use crate::faults::drive::{Drive, simulated, sleep_ms, unless_spoilt};
 use crate::faults::host::HostWatch;
 use crate::faults::seeds;
-use crate::faults::watch::drive;
+use crate::faults::watch::{drive, judge, judges};
+use crate::support::random::Random;
 use crate::support::{Lab, PATIENCE, Running, number, pid_of, process, text, wait_until, whole_machine};
+use hilare::config::System;
 use hilare_interfaces::messages::{Drive as Why, Steps};
 use rustix::process::Signal;
 use std::time::{Duration, Instant};
@@ -167,4 +169,43 @@ fn a_pause_is_waited_for() {
         figures.sum("{} ticks lost, none hurried, same bits", number(&told.summary, "paused_ticks"));
     });
     lab.assert_nothing_left("drives with pauses");
+}
+
+#[test]
+fn drivers_have_their_times_whatever_the_host_takes_away() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let path = lab.file("corners.csv", CORNERS).to_string_lossy().into_owned();
+    let driver = [
+        "motors.pulse_length_s=0.0011",
+        "motors.pulse_space_s=0.0008",
+        "motors.direction_setup_s=0.0092",
+        "motors.direction_hold_s=0.0115",
+        "motors.invert_left=true",
+    ];
+    let mut system = System::load("epuck").expect("built in");
+    system.set_all(&driver).expect("known keys");
+    let mut robot = Drive::start(&lab, "t", &["--path", &path], &driver);
+    robot.await_tick(300);
+    let clock = robot.pid("step_generator");
+    let (from, started, mut random) = (robot.witness.newest(), Instant::now(), Random::of_seed(1));
+    for _ in 0..40 {
+        sleep_ms(random.whole(20, 150));
+        process::signal(clock, Signal::STOP);
+        sleep_ms(random.whole(1, 100));
+        process::signal(clock, Signal::CONT);
+    }
+    let (until, took_ms) = (robot.witness.newest(), started.elapsed().as_secs_f64() * 1e3);
+    let told = robot.end(0);
+    let mut judges = judges(&system);
+    told.seen.iter().filter(|seen| seen.steps.tick > 0).for_each(|seen| judge(&mut judges, &seen.steps));
+    let turns = |wheel: usize| {
+        let turned = |pair: &&[Seen]| pair[0].steps.dir_level[wheel] != pair[1].steps.dir_level[wheel];
+        told.seen.windows(2).filter(turned).count()
+    };
+    assert!(turns(0) + turns(1) >= 4, "no wheel was turned round at the corners");
+    // The robot waited: what was lost is not in the ticks. Half of it, for the witness may be late.
+    let lost = (until.paused_ticks - from.paused_ticks) as f64;
+    let ticks = (until.tick - from.tick) as f64;
+    assert!(lost >= 40.0 && ticks <= took_ms - lost / 2.0, "{ticks} ticks in {took_ms} ms, {lost} lost");
 }

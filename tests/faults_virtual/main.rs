@@ -42,12 +42,23 @@ const PATHS: [&[(f64, f64)]; 4] = [
     &[(0.0, 0.0), (0.07, 0.05)],
 ];
 
-/// The e-puck with a law; `bounded`: its accelerations are, too.
+/// What the drivers of a robot ask for: no pulse sooner than at top speed, and time for DIR.
+const DRIVERS: [&str; 6] = [
+    "motors.pulse_length_s=0.0011",
+    "motors.pulse_space_s=0.0008",
+    "motors.tick_jitter_s=0.0001",
+    "motors.direction_setup_s=0.0092",
+    "motors.direction_hold_s=0.0115",
+    "motors.invert_left=true",
+];
+
+/// The e-puck with a law; `bounded`: its accelerations are, and its drivers slow.
 fn robot(law: &str, bounded: bool) -> System {
     let mut system = System::load("epuck").expect("built in");
     let mut keys = vec![format!("controller.law={law}")];
     if bounded {
         keys.extend(["limits.accel_mps2=0.8", "limits.accel_radps2=12"].map(str::to_owned));
+        keys.extend(DRIVERS.map(str::to_owned));
     }
     system.set_all(&keys).expect("known keys");
     system

@@ -3,7 +3,7 @@
 use super::{Driver, System};
 use crate::shell::build;
 use hilare_interfaces::chassis::Chassis;
-use hilare_interfaces::motors::Motors;
+use hilare_interfaces::motors::{Motors, StepperParams};
 use hilare_pose_estimator::EstimatorKind;
 use std::fs::File;
 use std::io::Read;
@@ -163,8 +163,10 @@ fn begins_like_a_program(file: &Path) -> bool {
     head[..read].starts_with(b"#!") || head[..read] == *b"\x7fELF"
 }
 
-/// The pulse train makes at most one step a tick: a faster wheel would silently fall behind.
+/// The pulse train makes at most one step a tick, or fewer where the driver needs time: a faster wheel would
+/// silently fall behind.
 fn steps_a_tick(system: &System) -> Option<Conflict> {
+    let Motors::Stepper(stepper) = &system.motors else { return None };
     let fastest_radps = system.chassis.wheel_speed_max_radps().into_iter().fold(0.0, f64::max);
     let pulse_radps = system.motors.pulse_speed_max_radps(&system.chassis)?;
     // Exactly one step a tick is fine, whatever the last bit of the division says.
@@ -174,9 +176,10 @@ fn steps_a_tick(system: &System) -> Option<Conflict> {
     let step_rad = system.count_rad();
     // Rounded down, so that the advice holds.
     let top_radps = (pulse_radps * 1e3).floor() / 1e3;
+    let (pace, or) = what_limits_pulses(stepper);
     let what = format!(
-        "a wheel at {fastest_radps} rad/s needs more than one step of {step_rad:.3e} rad a tick (1 ms); lower \
-         chassis.{} to {top_radps} rad/s or raise motors.step_length_m",
+        "a wheel at {fastest_radps} rad/s needs more than one step of {step_rad:.3e} rad {pace}; lower \
+         chassis.{} to {top_radps} rad/s or {or}",
         wheel_speed_key(system, fastest_radps)
     );
     let keys = &[
@@ -186,9 +189,34 @@ fn steps_a_tick(system: &System) -> Option<Conflict> {
         ("chassis", "wheel_diameter_m"),
         ("chassis", "wheel_radius_m"),
         ("motors", "step_length_m"),
+        ("motors", "microsteps"),
+        ("motors", "pulse_length_s"),
+        ("motors", "pulse_space_s"),
+        ("motors", "tick_jitter_s"),
+        ("motors", "pulse_rate_max_hz"),
         ("motors", "kind"),
     ];
     Some(Conflict::new(keys, what))
+}
+
+/// How often there is a step, and what else could be done about it.
+fn what_limits_pulses(stepper: &StepperParams) -> (String, String) {
+    let interval = stepper.pulse_ticks().interval;
+    if interval == 1 {
+        let or =
+            if stepper.microsteps > 1 { "lower motors.microsteps" } else { "raise motors.step_length_m" };
+        return ("a tick (1 ms)".to_owned(), or.to_owned());
+    }
+    let plain = StepperParams::default();
+    let by_rate = StepperParams { pulse_rate_max_hz: stepper.pulse_rate_max_hz, ..plain };
+    let by_times = StepperParams { pulse_rate_max_hz: plain.pulse_rate_max_hz, ..*stepper };
+    let limits = [
+        (by_rate, "raise motors.pulse_rate_max_hz"),
+        (by_times, "shorten motors.pulse_length_s, pulse_space_s or tick_jitter_s"),
+    ];
+    let mut or: Vec<&str> = Vec::new();
+    or.extend(limits.iter().filter(|(by, _)| by.pulse_ticks().interval == interval).map(|(_, or)| or));
+    (format!("in {interval} ticks (ms)"), or.join(" and "))
 }
 
 fn wheel_speed_key(system: &System, fastest_radps: f64) -> &'static str {

@@ -1,7 +1,6 @@
 //! Mutations, random systems and random text.
 
 use super::*;
-use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::params::ParamKind;
 use proptest::prelude::*;
 
@@ -71,9 +70,11 @@ fn systems() -> impl Strategy<Value = System> {
         limits.omega_min_radps = limits.omega_min_radps.min(limits.omega_max_radps);
         system.fit.radius_min_m = system.fit.radius_min_m.min(system.fit.radius_max_m);
         if let Motors::Stepper(stepper) = &mut system.motors {
-            stepper.step_length_m = stepper.step_length_m.max(1e-3);
+            stepper.step_length_m = stepper.step_length_m.max(0.05);
+            stepper.microsteps = stepper.microsteps.min(16);
+            stepper.pulse_rate_max_hz = stepper.pulse_rate_max_hz.max(10.0);
         }
-        let top_radps = system.count_rad() / TICK_S;
+        let top_radps = system.motors.pulse_speed_max_radps(&system.chassis).unwrap_or(f64::INFINITY);
         if let Chassis::Differential(params) = &mut system.chassis {
             params.wheel_speed_max_right_radps = params.wheel_speed_max_right_radps.min(top_radps);
             params.wheel_speed_max_left_radps = params.wheel_speed_max_left_radps.min(top_radps);

@@ -48,8 +48,24 @@ fn unknown_keys_name_the_one_that_was_meant() {
             "[chassis]\nhalf_track_m = 1",
             r#"2: unknown key "half_track_m" in [chassis]; "chassis.half_track_m" belongs to chassis.kind = "mecanum""#,
         ),
-        ("[motors]\ncolour = 1", r#"2: unknown key "colour" in [motors]; known there: kind, step_length_m"#),
-        ("[motors]\n\"a\\nb\" = 1", r#"2: unknown key "a\nb" in [motors]; known there: kind, step_length_m"#),
+        (
+            "[motors]\ncolour = 1",
+            "2: unknown key \"colour\" in [motors]; known there: kind, step_length_m, microsteps, pulse_length_s, \
+             pulse_space_s, direction_setup_s, direction_hold_s, tick_jitter_s, pulse_rate_max_hz, invert_right, \
+             invert_left",
+        ),
+        (
+            "[motors]\nkind = \"servo\"\n\"a\\nb\" = 1",
+            r#"3: unknown key "a\nb" in [motors]; known there: kind, counts_per_turn"#,
+        ),
+        (
+            "[motors]\nkind = \"servo\"\nmicrosteps = 16",
+            r#"3: unknown key "microsteps" in [motors]; "motors.microsteps" belongs to motors.kind = "stepper""#,
+        ),
+        (
+            "[motors]\npulse_length_us = 2",
+            r#"2: unknown key "pulse_length_us" in [motors]; the key is pulse_length_s, in seconds"#,
+        ),
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
@@ -113,6 +129,13 @@ fn wrong_values_say_what_is_wanted() {
         ("[limits]\nv_max_mps = nan", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[limits]\nv_max_mps = -inf", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[limits]\nv_max_mps = 1e999", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
+        ("[motors]\npulse_length_s = 1.9", "2: motors.pulse_length_s: 1.9 s is outside 0 to 0.1 s"),
+        (
+            "[motors]\npulse_rate_max_hz = 2000",
+            "2: motors.pulse_rate_max_hz: 2000 Hz is outside 1 to 1000 Hz",
+        ),
+        ("[motors]\nmicrosteps = 0", "2: motors.microsteps: 0 is outside 1 to 256"),
+        ("[motors]\ninvert_left = 1", "2: motors.invert_left: the number 1 is not true or false"),
         ("[limits]\nv_max_mps = -1", "2: limits.v_max_mps: -1 m/s is outside 0 to 10 m/s"),
         ("[timing]\nperiod_ticks = 1.5", "2: timing.period_ticks: must be a whole number, 1 to 1000 ticks"),
         (
@@ -203,6 +226,45 @@ fn values_that_contradict_each_other_are_refused_with_the_reason() {
     }
     // The advice holds.
     System::parse("robot.toml", "[chassis]\nwheel_speed_max_left_radps = 6.5").unwrap();
+}
+
+#[test]
+fn wheels_faster_than_their_pulses_are_refused_with_what_makes_them_slow() {
+    let cases = [
+        (
+            "microsteps = 16",
+            "3.25 rad/s needs more than one step of 4.062e-4 rad a tick (1 ms); lower \
+             chassis.wheel_speed_max_right_radps to 0.406 rad/s or lower motors.microsteps",
+        ),
+        (
+            "pulse_rate_max_hz = 400",
+            "3.25 rad/s needs more than one step of 6.500e-3 rad in 3 ticks (ms); lower \
+             chassis.wheel_speed_max_right_radps to 2.166 rad/s or raise motors.pulse_rate_max_hz",
+        ),
+        (
+            "pulse_space_s = 0.0021",
+            "3.25 rad/s needs more than one step of 6.500e-3 rad in 3 ticks (ms); lower \
+             chassis.wheel_speed_max_right_radps to 2.166 rad/s or shorten motors.pulse_length_s, pulse_space_s or \
+             tick_jitter_s",
+        ),
+        (
+            "pulse_rate_max_hz = 400\npulse_length_s = 0.0022",
+            "3.25 rad/s needs more than one step of 6.500e-3 rad in 3 ticks (ms); lower \
+             chassis.wheel_speed_max_right_radps to 2.166 rad/s or raise motors.pulse_rate_max_hz and shorten \
+             motors.pulse_length_s, pulse_space_s or tick_jitter_s",
+        ),
+    ];
+    for (line, expected) in cases {
+        assert_eq!(
+            error(&format!("[motors]\n{line}")),
+            format!("robot.toml:{}: a wheel at {expected}", 2 + line.matches('\n').count())
+        );
+        let slower = "[chassis]\nwheel_speed_max_right_radps = 0.406\nwheel_speed_max_left_radps = 0.406";
+        System::parse("robot.toml", &format!("[motors]\n{line}\n{slower}")).unwrap();
+    }
+    // Two ticks each: as fast as the e-puck is.
+    let fits = "[motors]\npulse_length_s = 0.001\npulse_space_s = 0.001\ndirection_setup_s = 0.01";
+    System::parse("robot.toml", fits).unwrap();
 }
 
 #[test]

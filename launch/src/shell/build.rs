@@ -95,7 +95,8 @@ pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
 pub fn plant(system: &System) -> Result<Plant, String> {
     let robot = match (&system.chassis, &system.motors) {
         (Chassis::Differential(wheels), Motors::Stepper(stepper)) => {
-            let body = stepper_drive::Body { track_m: wheels.track_m, step_length_m: stepper.step_length_m };
+            let step_length_m = stepper.pulse_travel_m();
+            let body = stepper_drive::Body { track_m: wheels.track_m, step_length_m };
             Robot::StepperDrive(StepperDrive::new(body, system.plant.stepper_drive, system.start))
         }
         (Chassis::Differential(wheels), Motors::Servo(servo)) => {

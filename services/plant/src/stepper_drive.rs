@@ -51,7 +51,7 @@ param_group! {
 pub struct Body {
     /// Distance between the wheels' contact points, m.
     pub track_m: f64,
-    /// Rim travel of one step, m.
+    /// Rim travel of one step, m: of a pulse.
     pub step_length_m: f64,
 }
 

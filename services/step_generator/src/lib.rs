@@ -57,18 +57,19 @@ pub struct StepGenerator {
 impl StepGenerator {
     /// A step generator at rest, disarmed, having counted no step.
     pub fn new(chassis: Chassis, motors: Motors, limits: Limits, gate: GateParams) -> Self {
+        let pulses = PulseTrain::new(&motors, &chassis);
         Self {
             chassis,
             limits,
             gate: Gate::new(gate),
-            pulses: PulseTrain::new(&motors, &chassis),
             handover: Handover::new(&chassis, &limits),
             twist: BodyTwist::ZERO,
-            state: Steps::ZERO,
+            state: Steps { dir_level: pulses.dir_levels(), ..Steps::ZERO },
+            pulses,
         }
     }
 
-    /// The state after the last tick; before the first, all zero.
+    /// The state after the last tick; before the first, all zero but the levels of DIR.
     pub fn state(&self) -> &Steps {
         &self.state
     }
@@ -123,12 +124,12 @@ impl StepGenerator {
         if twist != self.twist {
             self.twist = twist;
             self.state.twist = [twist.vx_mps, twist.vy_mps, twist.omega_radps];
-            self.state.wheel_speed_radps = self.chassis.wheel_speeds(twist);
-            self.pulses.set_speeds(self.state.wheel_speed_radps);
+            self.state.wheel_speed_radps = self.pulses.set_speeds(self.chassis.wheel_speeds(twist));
         }
         self.pulses.tick();
         self.state.tick = tick + 1;
         self.state.counts = self.pulses.counts();
+        self.state.dir_level = self.pulses.dir_levels();
         self.state.drive = drive.code();
         self.gate.report(&mut self.state);
     }
@@ -156,6 +157,7 @@ impl Stateful for StepGenerator {
         self.gate.visit_state(words);
         if words.is_loading() {
             self.state.counts = self.pulses.counts();
+            self.state.dir_level = self.pulses.dir_levels();
             self.gate.report(&mut self.state);
         }
     }

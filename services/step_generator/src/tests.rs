@@ -1,5 +1,6 @@
 //! One tick seen from outside: authority, holding, ramps, latches, limits.
 
+mod pace;
 mod standby;
 
 use super::*;
