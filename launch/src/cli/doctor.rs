@@ -3,6 +3,7 @@
 use super::{VerbResult, print};
 use crate::manager::robot_dir::{SHM_NEEDED, SOCKET_PATH_MAX, base_dir, living_robots, socket_path};
 use crate::private::{foreign, private_dir, shm_names};
+use crate::shell::realtime::FifoRefusal;
 use crate::shell::transport::shm_prefix;
 use clap::Args;
 use rustix::process::{Resource, getrlimit};
@@ -85,13 +86,11 @@ fn realtime_priority() -> Finding {
     let tried = std::thread::spawn(|| crate::shell::realtime::set_fifo(80, true)).join();
     match tried {
         Ok(Ok(())) => finding("rtprio", Verdict::Good, "SCHED_FIFO 80 is granted", ""),
-        Ok(Err(error)) => finding(
-            "rtprio",
-            Verdict::Warning,
-            format!("SCHED_FIFO 80 is refused ({error}): the real clock runs best effort"),
-            "ulimit -r 99 (LimitRTPRIO=99 in a unit, rtprio 99 in /etc/security/limits.conf; docker: --ulimit rtprio=99), \
-             or CAP_SYS_NICE; in a cgroup with cpu.rt_runtime_us 0, give it some",
-        ),
+        Ok(Err(_)) => {
+            let why = FifoRefusal::find(80);
+            let found = format!("SCHED_FIFO 80 is refused ({why}): the real clock runs best effort");
+            finding("rtprio", Verdict::Warning, found, why.cure())
+        }
         Err(_) => finding("rtprio", Verdict::Bad, "the check itself failed", "report it"),
     }
 }

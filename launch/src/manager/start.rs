@@ -183,10 +183,13 @@ impl Manager {
             .map(|member| member.role.name())
             .collect();
         if !refused.is_empty() {
+            let highest =
+                self.members.iter().map(|member| self.job.system.realtime(member.role).priority).max();
+            let why = realtime::FifoRefusal::find(highest.unwrap_or(1));
             warn!(
-                "SCHED_FIFO was refused for {}: best effort, ticks may be late; allow it with `ulimit -r 99`, \
-                 LimitRTPRIO=99 or CAP_SYS_NICE (hilare doctor)",
-                refused.join(", ")
+                "SCHED_FIFO was refused for {}: {why}; best effort, ticks may be late; {}",
+                refused.join(", "),
+                why.cure()
             );
         }
     }

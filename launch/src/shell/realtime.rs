@@ -5,6 +5,10 @@
 
 #![allow(unsafe_code)]
 
+mod refusal;
+
+pub use refusal::FifoRefusal;
+
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Pid, Resource, getrlimit};
 use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_getaffinity, sched_setaffinity};

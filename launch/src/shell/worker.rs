@@ -73,6 +73,8 @@ pub struct Worker {
     terminate: Arc<AtomicBool>,
     health: Output<Health>,
     last_beat_ns: u64,
+    /// Asked for once: it is a system call.
+    pid: u64,
     room: StateRoom,
     /// What a step may take.
     pub budget_ns: u64,
@@ -180,6 +182,7 @@ impl Worker {
             terminate,
             health,
             last_beat_ns: monotonic_ns(),
+            pid: u64::from(std::process::id()),
             room: StateRoom::default(),
             budget_ns: (budget_ticks as f64 * TICK_S * 1e9 * BUDGET_PART) as u64,
             refusal: "",
@@ -296,7 +299,7 @@ impl Worker {
         let reason = if report.reason.is_empty() { self.refusal } else { report.reason };
         self.health.send(&Health {
             slot: self.assignment.slot as u64,
-            pid: u64::from(std::process::id()),
+            pid: self.pid,
             state: state.code(),
             tick: report.tick,
             steps: report.steps,
