@@ -75,9 +75,9 @@
 #define HILARE_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
 /* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, recorder -> launch, 20
- * Hz: state, reason, lateness, what the kernel granted. Health. */
+ * Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
-#define HILARE_HEALTH_LAYOUT "5aaf282e8afbb669 0.1.0"
+#define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
 /* What a goal asks for. */
 enum hilare_goal_kind {
@@ -539,25 +539,7 @@ static_assert(offsetof(hilare_truth, x_m) == 8, "laid out otherwise here");
 static_assert(offsetof(hilare_truth, y_m) == 16, "laid out otherwise here");
 static_assert(offsetof(hilare_truth, theta_rad) == 24, "laid out otherwise here");
 
-#define HILARE_LATENCY_HISTOGRAM_NAME "hilare/LatencyHistogram/v1"
-
-/* Distribution of a duration, nanoseconds. */
-typedef struct hilare_latency_histogram {
-    HILARE_TYPE_NAME(HILARE_LATENCY_HISTOGRAM_NAME)
-    /* Samples recorded. */
-    uint64_t count;
-    /* Largest sample, ns. */
-    uint64_t max_ns;
-    /* Samples a bucket. */
-    uint64_t buckets[480];
-} hilare_latency_histogram;
-
-static_assert(sizeof(hilare_latency_histogram) == 3856, "laid out otherwise here");
-static_assert(offsetof(hilare_latency_histogram, count) == 0, "laid out otherwise here");
-static_assert(offsetof(hilare_latency_histogram, max_ns) == 8, "laid out otherwise here");
-static_assert(offsetof(hilare_latency_histogram, buckets) == 16, "laid out otherwise here");
-
-#define HILARE_HEALTH_NAME "hilare/Health/v1"
+#define HILARE_HEALTH_NAME "hilare/Health/v2"
 
 /* How a process fares, 20 times a second. */
 typedef struct hilare_health {
@@ -576,21 +558,11 @@ typedef struct hilare_health {
     uint64_t rejected;
     /* Newest path seen (planner: published); 0 before the first. */
     uint64_t path_id;
-    /* Granted scheduling policy: 0 other, 1 FIFO. */
-    uint64_t granted_fifo;
-    /* Granted real-time priority. */
-    uint64_t granted_priority;
-    /* 1 + the processor it is pinned to; 0 when not pinned. */
-    uint64_t granted_cpu;
-    /* 1 if its memory is locked. */
-    uint64_t granted_mlock;
-    /* Wake-up lateness (step generator) or time of a step (others), ns. */
-    hilare_latency_histogram latency;
     /* UTF-8 reason, zero-padded. */
     char text[160];
 } hilare_health;
 
-static_assert(sizeof(hilare_health) == 4104, "laid out otherwise here");
+static_assert(sizeof(hilare_health) == 216, "laid out otherwise here");
 static_assert(offsetof(hilare_health, slot) == 0, "laid out otherwise here");
 static_assert(offsetof(hilare_health, pid) == 8, "laid out otherwise here");
 static_assert(offsetof(hilare_health, state) == 16, "laid out otherwise here");
@@ -598,11 +570,6 @@ static_assert(offsetof(hilare_health, tick) == 24, "laid out otherwise here");
 static_assert(offsetof(hilare_health, steps) == 32, "laid out otherwise here");
 static_assert(offsetof(hilare_health, rejected) == 40, "laid out otherwise here");
 static_assert(offsetof(hilare_health, path_id) == 48, "laid out otherwise here");
-static_assert(offsetof(hilare_health, granted_fifo) == 56, "laid out otherwise here");
-static_assert(offsetof(hilare_health, granted_priority) == 64, "laid out otherwise here");
-static_assert(offsetof(hilare_health, granted_cpu) == 72, "laid out otherwise here");
-static_assert(offsetof(hilare_health, granted_mlock) == 80, "laid out otherwise here");
-static_assert(offsetof(hilare_health, latency) == 88, "laid out otherwise here");
-static_assert(offsetof(hilare_health, text) == 3944, "laid out otherwise here");
+static_assert(offsetof(hilare_health, text) == 56, "laid out otherwise here");
 
 #endif

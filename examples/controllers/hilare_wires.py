@@ -598,33 +598,6 @@ _check(
 )
 
 
-class LatencyHistogram(ctypes.Structure):
-    """Distribution of a duration, nanoseconds."""
-
-    _fields_ = [
-        # Samples recorded.
-        ("count", ctypes.c_uint64),
-        # Largest sample, ns.
-        ("max_ns", ctypes.c_uint64),
-        # Samples a bucket.
-        ("buckets", ctypes.c_uint64 * 480),
-    ]
-
-    @staticmethod
-    def type_name() -> str:
-        """What iceoryx2 calls it."""
-        return "hilare/LatencyHistogram/v1"
-
-
-_check(
-    LatencyHistogram,
-    3856,
-    count=0,
-    max_ns=8,
-    buckets=16,
-)
-
-
 class Health(ctypes.Structure):
     """How a process fares, 20 times a second."""
 
@@ -643,16 +616,6 @@ class Health(ctypes.Structure):
         ("rejected", ctypes.c_uint64),
         # Newest path seen (planner: published); 0 before the first.
         ("path_id", ctypes.c_uint64),
-        # Granted scheduling policy: 0 other, 1 FIFO.
-        ("granted_fifo", ctypes.c_uint64),
-        # Granted real-time priority.
-        ("granted_priority", ctypes.c_uint64),
-        # 1 + the processor it is pinned to; 0 when not pinned.
-        ("granted_cpu", ctypes.c_uint64),
-        # 1 if its memory is locked.
-        ("granted_mlock", ctypes.c_uint64),
-        # Wake-up lateness (step generator) or time of a step (others), ns.
-        ("latency", LatencyHistogram),
         # UTF-8 reason, zero-padded.
         ("text", ctypes.c_char * 160),
     ]
@@ -660,12 +623,12 @@ class Health(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """What iceoryx2 calls it."""
-        return "hilare/Health/v1"
+        return "hilare/Health/v2"
 
 
 _check(
     Health,
-    4104,
+    216,
     slot=0,
     pid=8,
     state=16,
@@ -673,12 +636,7 @@ _check(
     steps=32,
     rejected=40,
     path_id=48,
-    granted_fifo=56,
-    granted_priority=64,
-    granted_cpu=72,
-    granted_mlock=80,
-    latency=88,
-    text=3944,
+    text=56,
 )
 
 
@@ -732,5 +690,5 @@ POSE = Wire("hilare/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 TRUTH = Wire("hilare/truth", Truth, None, "e165266f143c0474 0.1.0")
 
 # planner, waypoint_selector, controller, step_generator, pose_estimator, plant, recorder -> launch, 20 Hz:
-# state, reason, lateness, what the kernel granted. Health.
-HEALTH = Wire("hilare/health", Health, None, "5aaf282e8afbb669 0.1.0")
+# state, reason, counters. Health.
+HEALTH = Wire("hilare/health", Health, None, "4d4e64cd50153a08 0.1.0")

@@ -30,7 +30,7 @@ pub struct LatencyArgs {
     /// Built-in system or a .toml file [built-in: epuck, cart, agv]
     #[arg(long, value_name = "SYSTEM", default_value = "epuck")]
     system: String,
-    /// Set a key of the system file, e.g. step_generator.cpu=0 (repeatable)
+    /// Set a key of the system file, e.g. realtime.controller.cpu=0 (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
     set: Vec<String>,
     /// Name the robot runs under

@@ -110,7 +110,7 @@ enum Verb {
         hilare swap waypoint_selector --set tracking.speed_mps=0.03\n\
         Exit codes: 0 done, 1 refused (the old one stays), 2 wrong use.")]
     Swap(operate::SwapArgs),
-    /// Measure how punctual a robot is on this machine, beside a bare timer loop and bare hops
+    /// Measure how punctual a robot is here, beside a bare timer loop
     #[command(
         after_help = "Examples:\n  hilare latency\n  hilare latency --seconds 600 --load --out runs/latency\nExit codes: 0 measured, 1 fault, 2 wrong use."
     )]

@@ -187,40 +187,20 @@ impl Figures {
             "{} ticks in {:.0} s, {load}; the clock has {} {}, {cpu}, {locked}; the host took {:.2} s away",
             self.samples, self.seconds, granted.policy, granted.priority, self.steal_s
         );
-        let mut head = |title: &str| {
-            let _ = writeln!(text, "\n{title:<34}{:>10}{:>10}{:>10}{:>10}", "p50", "p99", "p99.9", "max");
-        };
-        head("lateness of the tick, µs");
-        let mut text = text;
-        let mut row = |name: &str, micros: Micros, decimals| {
-            let _ = writeln!(text, "  {name:<32}{}", micros.row(decimals));
-        };
-        row("hilare", self.tick.ours, 1);
-        row("bare loop", self.tick.bare_loop, 1);
-        if let Some(cyclictest) = self.tick.cyclictest {
-            row("cyclictest", cyclictest, 0);
-        }
-        row("ratio to the bare loop", self.tick.ratio, 2);
-        row("the tick's own work", self.work, 1);
+        let tick = &self.tick;
+        let mut rows = vec![("hilare", tick.ours, 1), ("bare loop", tick.bare_loop, 1)];
+        rows.extend(tick.cyclictest.map(|cyclictest| ("cyclictest", cyclictest, 0)));
+        rows.extend([("ratio to the bare loop", tick.ratio, 2), ("the tick's own work", self.work, 1)]);
+        table(&mut text, "lateness of the tick", &rows);
         for hop in &self.hops {
-            let _ = writeln!(
-                text,
-                "\n{:<34}{:>10}{:>10}{:>10}{:>10}",
-                format!("{}, µs", hop.name),
-                "p50",
-                "p99",
-                "p99.9",
-                "max"
-            );
-            for (name, micros, decimals) in [
+            let rows = [
                 ("hilare", hop.ours, 1),
                 ("bare futex", hop.futex, 1),
                 ("bare iceoryx2", hop.iceoryx2, 1),
                 ("ratio to futex", hop.ratio, 2),
                 ("ratio to iceoryx2", hop.ratio_iceoryx2, 2),
-            ] {
-                let _ = writeln!(text, "  {name:<32}{}", micros.row(decimals));
-            }
+            ];
+            table(&mut text, hop.name, &rows);
         }
         let _ = writeln!(
             text,
@@ -233,5 +213,14 @@ impl Figures {
             let _ = writeln!(text, "  {count:>8}  {}", cause.label());
         }
         text
+    }
+}
+
+/// A heading, and rows of a name, quantiles and their decimals.
+fn table(text: &mut String, title: &str, rows: &[(&str, Micros, usize)]) {
+    let title = format!("{title}, µs");
+    let _ = writeln!(text, "\n{title:<34}{:>10}{:>10}{:>10}{:>10}", "p50", "p99", "p99.9", "max");
+    for (name, micros, decimals) in rows {
+        let _ = writeln!(text, "  {name:<32}{}", micros.row(*decimals));
     }
 }

@@ -192,12 +192,15 @@ pub fn log_axes<'a, 'b>(
     labelled_axes(area, (x, x_name), (y, y_name), (labels[0], labels[1]), (&power, &power))
 }
 
+/// How a number on an axis is written.
+type Label<'a> = &'a dyn Fn(&f64) -> String;
+
 fn labelled_axes<'a, 'b>(
     area: &'a Area<'b>,
     (x, x_name): (Range<f64>, &str),
     (y, y_name): (Range<f64>, &str),
     (x_labels, y_labels): (usize, usize),
-    (write_x, write_y): (&dyn Fn(&f64) -> String, &dyn Fn(&f64) -> String),
+    (write_x, write_y): (Label<'_>, Label<'_>),
 ) -> Drawn<Axes<'a, 'b>> {
     let mut chart = ChartBuilder::on(area)
         .margin_left(px(EDGE))

@@ -8,6 +8,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::ServiceName;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::time::Duration;
 
@@ -29,12 +30,12 @@ pub struct BareInput {
 impl Domain {
     fn bare(&self, name: &str) -> Result<(Wire, Event), TransportError> {
         let name = format!("bare/{name}");
-        let name = name.as_str().try_into().map_err(|e| failed(&name, e))?;
+        let name: ServiceName = name.as_str().try_into().map_err(|e| failed(name.clone(), e))?;
         let builder = || self.node.service_builder(&name);
         let wire = builder().publish_subscribe::<OnWire<Pose>>().open_or_create();
         // With the default a listener looks through 4 billion ids.
         let event = builder().event().event_id_max_value(1).open_or_create();
-        Ok((wire.map_err(|e| failed(&name, e))?, event.map_err(|e| failed(&name, e))?))
+        Ok((wire.map_err(|e| failed(name, e))?, event.map_err(|e| failed(name, e))?))
     }
 
     /// The sending end of a service that either end makes.
