@@ -6,6 +6,7 @@ use crate::pair::{Pair, Setting};
 use crate::{Result, host, realtime};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::fs;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -175,9 +176,10 @@ fn measure(
         });
         give_up_if(interrupted)?;
         left -= block;
-        eprint!("\r{} of {} rounds a peer", options.rounds - left, options.rounds);
+        if std::io::stderr().is_terminal() {
+            eprint!("\r{} of {} rounds a peer ", options.rounds - left, options.rounds);
+        }
     }
-    eprintln!();
     let stolen_ms = host::stolen_ms(&before, &host::steal_ms());
     let rows = pairs.iter().map(row).collect();
     Ok(Report { conditions: conditions(options, setting), stolen_ms, rows, absent })

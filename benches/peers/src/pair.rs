@@ -21,8 +21,8 @@ const STALL: Duration = Duration::from_secs(10);
 const LEAVE: Duration = Duration::from_secs(10);
 /// How often we look.
 const POLL: Duration = Duration::from_millis(10);
-/// SCHED_FIFO priority of dora's daemon: between the nodes it hears from.
-const DAEMON_PRIORITY: i32 = 70;
+/// SCHED_FIFO priority of dora's daemon: below the nodes, which it must not keep waiting.
+const DAEMON_PRIORITY: i32 = 60;
 
 /// Which processors, and what is where.
 pub struct Setting {
@@ -149,6 +149,10 @@ impl Pair {
 impl Drop for Pair {
     /// Asks the processes to leave, so that they take away what they made; then makes them.
     fn drop(&mut self) {
+        // Who leaves has nothing urgent to do. And dora's daemon, where it was left at a priority over the
+        // responder's, waited in the kernel for it without letting it run, and could not even be killed.
+        let ready = [Side::Driver, Side::Responder].into_iter().filter_map(|side| self.page.ready(side));
+        ready.chain(self.children.iter().map(Child::id)).for_each(realtime::release);
         self.page.dismiss();
         if !self.peer.returns {
             self.children.iter().for_each(|child| _ = kill_process(Pid::from_child(child), Signal::TERM));

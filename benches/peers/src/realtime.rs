@@ -20,9 +20,22 @@ pub fn place(priority: i32, cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
     let _ = sched_setaffinity(None, &set);
+    schedule(0, libc::SCHED_FIFO, priority);
+}
+
+/// Takes real time from every thread of a process.
+pub fn release(pid: u32) {
+    for task in fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten() {
+        if let Ok(thread) = task.file_name().to_string_lossy().parse() {
+            schedule(thread, libc::SCHED_OTHER, 0);
+        }
+    }
+}
+
+fn schedule(thread: libc::pid_t, policy: libc::c_int, priority: i32) {
     let parameters = libc::sched_param { sched_priority: priority };
-    // SAFETY: sets the calling thread's policy from a valid struct; no library wraps this call.
-    unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) };
+    // SAFETY: sets a thread's policy from a valid struct, 0 the calling one's; no library wraps this call.
+    unsafe { libc::sched_setscheduler(thread, policy, &parameters) };
 }
 
 /// The processors this process may use, ascending.

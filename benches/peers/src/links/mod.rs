@@ -113,7 +113,7 @@ pub const PEERS: &[Peer] = &[
     },
     Peer {
         name: "zenoh",
-        what: "zenoh, two peers over a Unix socket, set for low latency",
+        what: "zenoh, two peers over pipes, set for low latency",
         launcher: Launcher::Conductor,
         returns: true,
         driver: zenoh::driver,

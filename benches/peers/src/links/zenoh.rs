@@ -22,8 +22,8 @@ const COMMAND: &str = "peers/command";
 /// How the two reach each other.
 #[derive(Clone, Copy)]
 enum Link {
-    /// A Unix stream socket, and zenoh's low-latency transport.
-    Unix,
+    /// Pipes, and zenoh's low-latency transport: the fastest of what zenoh offers on one machine.
+    Pipe,
     /// TCP on loopback, and the transport zenoh comes with.
     Tcp,
 }
@@ -32,7 +32,7 @@ impl Link {
     /// An address to listen on.
     fn locator(self, place: &Place) -> Result<String> {
         match self {
-            Self::Unix => Ok(format!("unixsock-stream/{}", place.directory.join("zenoh.socket").display())),
+            Self::Pipe => Ok(format!("unixpipe/{}", place.directory.join("zenoh.pipe").display())),
             Self::Tcp => {
                 // Free now; should somebody take it in between, zenoh says so.
                 let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
@@ -51,7 +51,7 @@ impl Link {
         set("scouting/gossip/enabled", "false")?;
         // It copies what is this small anyway.
         set("transport/shared_memory/enabled", "false")?;
-        if matches!(self, Self::Unix) {
+        if matches!(self, Self::Pipe) {
             // The one excludes the other.
             set("transport/unicast/qos/enabled", "false")?;
             set("transport/unicast/lowlatency", "true")?;
@@ -131,11 +131,11 @@ fn serve(place: &Place, link: Link) -> Result<()> {
 }
 
 pub fn driver(place: &Place) -> Result<Box<dyn Driver>> {
-    drive(place, Link::Unix)
+    drive(place, Link::Pipe)
 }
 
 pub fn respond(place: &Place) -> Result<()> {
-    serve(place, Link::Unix)
+    serve(place, Link::Pipe)
 }
 
 pub fn tcp_driver(place: &Place) -> Result<Box<dyn Driver>> {
