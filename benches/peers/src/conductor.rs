@@ -10,9 +10,13 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Where the run's files are: in memory, as a robot's are.
-const SHARED_MEMORY: &str = "/dev/shm";
+pub const SHARED_MEMORY: &str = "/dev/shm";
+
+/// From the last peer's start to the first turn.
+const SETTLE: Duration = Duration::from_secs(3);
 
 /// What to measure, and how much of it.
 #[derive(clap::Args, Debug)]
@@ -32,9 +36,6 @@ pub struct RunOptions {
     /// The processor of the responders; that of the drivers unless told otherwise.
     #[arg(long)]
     responder_cpu: Option<usize>,
-    /// The processor of dora's daemon; that of the drivers unless told otherwise.
-    #[arg(long)]
-    daemon_cpu: Option<usize>,
     /// Where to write peers.json, peers.md and every peer's rounds as CSV.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -115,7 +116,6 @@ pub struct Plan {
     peers: Vec<&'static Peer>,
     driver_cpu: usize,
     responder_cpu: usize,
-    daemon_cpu: usize,
     dora: Option<PathBuf>,
 }
 
@@ -133,7 +133,6 @@ impl Plan {
             peers: chosen(&options.peers)?,
             driver_cpu,
             responder_cpu: known(options.responder_cpu.unwrap_or(driver_cpu))?,
-            daemon_cpu: known(options.daemon_cpu.unwrap_or(driver_cpu))?,
             dora: options.dora.clone(),
         })
     }
@@ -143,7 +142,6 @@ impl Plan {
             directory: directory.to_owned(),
             driver_cpu: self.driver_cpu,
             responder_cpu: self.responder_cpu,
-            daemon_cpu: self.daemon_cpu,
             dora: self.dora.clone(),
         }
     }
@@ -163,6 +161,8 @@ fn measure(
         }
         give_up_if(interrupted)?;
     }
+    // What the peers still have to do after their start shall not fall into the first one's turn.
+    std::thread::sleep(SETTLE);
     let before = host::steal_ms();
     let mut left = options.rounds;
     while left > 0 {
@@ -200,9 +200,7 @@ fn row(pair: &Pair) -> Row {
 }
 
 fn conditions(options: &RunOptions, setting: &Setting) -> Vec<(&'static str, String)> {
-    let (driver, responder, daemon) = (setting.driver_cpu, setting.responder_cpu, setting.daemon_cpu);
-    let cpus =
-        format!("drivers on CPU {driver}, responders on CPU {responder}, dora's daemon on CPU {daemon}");
+    let cpus = format!("drivers on CPU {}, responders on CPU {}", setting.driver_cpu, setting.responder_cpu);
     vec![
         ("kernel", host::kernel()),
         ("processors", format!("{}; {cpus}", host::processors_online())),

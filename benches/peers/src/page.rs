@@ -176,6 +176,11 @@ impl Page {
         self.header().ready[side as usize].store(std::process::id(), Release);
     }
 
+    /// A process: I am gone.
+    pub fn set_gone(&self, side: Side) {
+        self.header().ready[side as usize].store(0, Release);
+    }
+
     /// The conductor: the id of a process that can be spoken to.
     pub fn ready(&self, side: Side) -> Option<u32> {
         Some(self.header().ready[side as usize].load(Acquire)).filter(|pid| *pid != 0)
@@ -213,9 +218,10 @@ impl Page {
         }
     }
 
-    /// Sleeps until everybody shall leave. Many may wait: nobody relies on being woken.
+    /// A responder that need not wait in its transport: sleeps until everybody shall leave and the driver, who
+    /// may be waiting for an answer, has gone.
     pub fn await_dismissal(&self) {
-        while !self.leaving() {
+        while !self.leaving() || self.ready(Side::Driver).is_some() {
             std::thread::sleep(Duration::from_millis(100));
         }
     }
@@ -285,6 +291,9 @@ mod tests {
         assert_eq!(conductor.rounds(), [round]);
         conductor.dismiss();
         assert_eq!(driver.await_turn(), None);
+        driver.set_gone(Side::Driver);
+        // Returns at once, or this test hangs.
+        conductor.await_dismissal();
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code)]
 
+use crate::conductor::SHARED_MEMORY;
 use crate::links::{self, Launcher, Peer};
 use crate::page::{Page, Side};
 use crate::roles::page_file;
@@ -28,12 +29,10 @@ const DAEMON_PRIORITY: i32 = 60;
 pub struct Setting {
     /// The run's directory.
     pub directory: PathBuf,
-    /// The processor of the drivers.
+    /// The processor of the drivers, and of dora's daemon: on another one it is slower.
     pub driver_cpu: usize,
     /// The processor of the responders.
     pub responder_cpu: usize,
-    /// The processor of dora's daemon.
-    pub daemon_cpu: usize,
     /// dora's command line, if there is one.
     pub dora: Option<PathBuf>,
 }
@@ -152,7 +151,9 @@ impl Drop for Pair {
         // Who leaves has nothing urgent to do. And dora's daemon, where it was left at a priority over the
         // responder's, waited in the kernel for it without letting it run, and could not even be killed.
         let ready = [Side::Driver, Side::Responder].into_iter().filter_map(|side| self.page.ready(side));
-        ready.chain(self.children.iter().map(Child::id)).for_each(realtime::release);
+        let processes: Vec<u32> = ready.chain(self.children.iter().map(Child::id)).collect();
+        processes.iter().copied().for_each(realtime::release);
+        let left_behind: Vec<PathBuf> = processes.iter().copied().flat_map(zenoh_segments).collect();
         self.page.dismiss();
         if !self.peer.returns {
             self.children.iter().for_each(|child| _ = kill_process(Pid::from_child(child), Signal::TERM));
@@ -165,7 +166,18 @@ impl Drop for Pair {
             let _ = child.kill();
             let _ = child.wait();
         }
+        left_behind.iter().for_each(|file| _ = fs::remove_file(file));
     }
+}
+
+/// zenoh's files in shared memory that a process has mapped. dora's daemon does not always take away its own.
+fn zenoh_segments(pid: u32) -> Vec<PathBuf> {
+    let maps = fs::read_to_string(format!("/proc/{pid}/maps")).unwrap_or_default();
+    let files = maps.lines().filter_map(|line| line.find('/').map(|start| PathBuf::from(&line[start..])));
+    let zenohs = |file: &PathBuf| {
+        file.starts_with(SHARED_MEMORY) && file.extension().is_some_and(|end| end == "zenoh")
+    };
+    files.filter(zenohs).collect()
 }
 
 fn role(peer: &Peer, side: Side, setting: &Setting) -> Result<Command> {
@@ -194,7 +206,7 @@ fn daemon(peer: &Peer, setting: &Setting) -> Result<Command> {
     command.arg("run").arg(dataflow).current_dir(&setting.directory);
     // Everybody is told everybody's address; nothing is asked of a network.
     command.env("DORA_ZENOH_MULTICAST", "off");
-    let cpu = setting.daemon_cpu;
+    let cpu = setting.driver_cpu;
     // SAFETY: between fork and exec; two system calls, no allocation, no memory of ours.
     unsafe { command.pre_exec(move || Ok(realtime::place(DAEMON_PRIORITY, cpu))) };
     Ok(command)

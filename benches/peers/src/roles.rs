@@ -58,16 +58,21 @@ pub fn drive(options: &RoleOptions) -> Result<()> {
     let mut link = peer.driver(&place).map_err(named("driver"))?;
     let mut tick = 0;
     place.page.set_ready(Side::Driver);
-    while let Some(rounds) = place.page.await_turn() {
-        turn(&place.page, link.as_mut(), rounds, &mut tick).map_err(named("driver"))?;
+    let mut outcome = Ok(());
+    while let (Ok(()), Some(rounds)) = (&outcome, place.page.await_turn()) {
+        outcome = turn(&place.page, link.as_mut(), rounds, &mut tick).map_err(named("driver"));
     }
-    Ok(())
+    place.page.set_gone(Side::Driver);
+    outcome
 }
 
 fn turn(page: &Page, link: &mut dyn Driver, rounds: u32, tick: &mut u64) -> Result<()> {
     let mut wake = monotonic_ns() + PERIOD_NS;
     for n in 0..WARM_UP + rounds {
         sleep_until(wake);
+        if page.leaving() {
+            break;
+        }
         *tick += 1;
         let pose = Pose::of(*tick);
         let sent = monotonic_ns();
