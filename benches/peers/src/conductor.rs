@@ -22,10 +22,10 @@ const SETTLE: Duration = Duration::from_secs(3);
 #[derive(clap::Args, Debug)]
 pub struct RunOptions {
     /// Samples a peer.
-    #[arg(long, default_value_t = 60_000)]
+    #[arg(long, default_value_t = 60_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     rounds: u32,
     /// Samples of a turn; the peers take turns until each has its rounds.
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
     block: u32,
     /// Only these peers, and the futex, which the others are compared with.
     #[arg(long, value_delimiter = ',')]
@@ -166,7 +166,7 @@ fn measure(
     let before = host::steal_ms();
     let mut left = options.rounds;
     while left > 0 {
-        let block = left.min(options.block.max(1));
+        let block = left.min(options.block);
         pairs.retain_mut(|pair: &mut Pair| match pair.turn(block, interrupted) {
             Ok(()) => true,
             Err(error) => {

@@ -208,6 +208,11 @@ fn daemon(peer: &Peer, setting: &Setting) -> Result<Command> {
     command.env("DORA_ZENOH_MULTICAST", "off");
     let cpu = setting.driver_cpu;
     // SAFETY: between fork and exec; two system calls, no allocation, no memory of ours.
-    unsafe { command.pre_exec(move || Ok(realtime::place(DAEMON_PRIORITY, cpu))) };
+    unsafe {
+        command.pre_exec(move || {
+            realtime::place(DAEMON_PRIORITY, cpu);
+            Ok(())
+        })
+    };
     Ok(command)
 }
