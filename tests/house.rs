@@ -109,7 +109,9 @@ fn the_control_path_is_pure() {
 #[test]
 fn only_the_transport_knows_iceoryx2() {
     let word = concat!("iceoryx2", "::");
-    let users: Vec<PathBuf> = sources().into_iter().filter(|path| read(path).contains(word)).collect();
+    let mut users: Vec<PathBuf> = sources().into_iter().filter(|path| read(path).contains(word)).collect();
+    // A workspace of its own, which measures iceoryx2 bare, beside other transports.
+    users.retain(|user| !user.starts_with("benches/peers"));
     assert!(!users.is_empty());
     for user in users {
         assert!(
