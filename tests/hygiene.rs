@@ -18,16 +18,16 @@ const ON_THE_TICK: [&str; 5] =
 /// How long each is looked at while it drives.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// A robot that drives along a straight line of 2 m; down when dropped.
-struct Driving<'l> {
+/// A robot with a straight line of 2 m before it; down when dropped.
+struct Robot<'l> {
     lab: &'l Lab,
-    robot: String,
+    name: String,
 }
 
-impl<'l> Driving<'l> {
-    fn start(lab: &'l Lab, prepare: impl FnOnce(&mut Command), set: &[&str]) -> Self {
-        let robot = lab.robot();
-        let mut up = lab.command(&["up", "--detach", "--robot", &robot]);
+impl<'l> Robot<'l> {
+    fn up(lab: &'l Lab, prepare: impl FnOnce(&mut Command), set: &[&str]) -> Self {
+        let name = lab.robot();
+        let mut up = lab.command(&["up", "--detach", "--robot", &name]);
         // To be looked at so closely takes time.
         up.args(["--set", "timing.pause_stop_ticks=0", "--set", "timing.lease_ticks=0"]);
         set.iter().for_each(|key| {
@@ -35,20 +35,24 @@ impl<'l> Driving<'l> {
         });
         prepare(&mut up);
         Running::start(up).wait(PATIENCE).expect_code(0);
-        let this = Self { lab, robot };
+        let this = Self { lab, name };
         let path = lab.straight(2.0).to_string_lossy().into_owned();
         this.tell(&["follow", &path]);
-        this.tell(&["arm"]);
-        lab.await_status(&this.robot, "it drives", |status| number(status, "speed_mps") > 0.02);
         this
     }
 
+    /// Armed, and on its way.
+    fn drive(&self) {
+        self.tell(&["arm"]);
+        self.lab.await_status(&self.name, "it drives", |status| number(status, "speed_mps") > 0.02);
+    }
+
     fn tell(&self, args: &[&str]) {
-        self.lab.hilare(&[args, &["--robot", &self.robot]].concat()).expect_code(0);
+        self.lab.hilare(&[args, &["--robot", &self.name]].concat()).expect_code(0);
     }
 
     fn status(&self) -> Value {
-        self.lab.status(&self.robot).expect("it is up")
+        self.lab.status(&self.name).expect("it is up")
     }
 
     fn pids(&self) -> Vec<(&'static str, i32)> {
@@ -61,9 +65,9 @@ impl<'l> Driving<'l> {
     }
 }
 
-impl Drop for Driving<'_> {
+impl Drop for Robot<'_> {
     fn drop(&mut self) {
-        let _ = self.lab.hilare(&["down", "--robot", &self.robot]);
+        let _ = self.lab.hilare(&["down", "--robot", &self.name]);
     }
 }
 
@@ -142,19 +146,20 @@ fn while_it_drives_nothing_is_allocated_and_nothing_locked() {
     };
     let dir = lab.dir().join("counts");
     fs::create_dir(&dir).expect("a directory");
-    let driving = Driving::start(
+    let robot = Robot::up(
         &lab,
         |up| {
             up.env("LD_PRELOAD", &library).env("HILARE_TEST_COUNT_DIR", &dir);
         },
         &[],
     );
-    let pids = driving.pids();
-    let planner = pid_of(&driving.status(), "planner");
+    robot.drive();
+    let pids = robot.pids();
+    let planner = pid_of(&robot.status(), "planner");
     let before: Vec<[u64; 3]> = pids.iter().map(|(_, pid)| counted(&dir, *pid)).collect();
-    let (planner_before, from) = (counted(&dir, planner), driving.tick());
+    let (planner_before, from) = (counted(&dir, planner), robot.tick());
     std::thread::sleep(LOOK);
-    let to = driving.tick();
+    let to = robot.tick();
     for ((name, pid), before) in pids.iter().zip(before) {
         assert!(before[0] > 100, "{name} has counted nothing: {before:?}");
         let now = counted(&dir, *pid);
@@ -167,9 +172,9 @@ fn while_it_drives_nothing_is_allocated_and_nothing_locked() {
     assert!(to - from > 500.0, "it drove {} ticks", to - from);
     // What allocates is seen to.
     let path = lab.straight(1.0).to_string_lossy().into_owned();
-    driving.tell(&["follow", &path]);
+    robot.tell(&["follow", &path]);
     assert!(counted(&dir, planner)[0] > planner_before[0], "the planner took a path without allocating");
-    drop(driving);
+    drop(robot);
     lab.assert_nothing_left("a robot that was counted");
 }
 
@@ -185,18 +190,20 @@ fn page_faults(pid: i32) -> [u64; 2] {
 fn while_it_drives_no_page_is_missing() {
     let _machine = whole_machine();
     let lab = Lab::new();
-    let driving = Driving::start(&lab, |_| {}, &[]);
-    let status = driving.status();
+    let robot = Robot::up(&lab, |_| {}, &[]);
+    let status = robot.status();
     if !text(&status["processes"][0], "granted").contains("mlock") {
         return skip("while_it_drives_no_page_is_missing", "memory cannot be locked here");
     }
-    let pids = driving.pids();
+    let pids = robot.pids();
     let before: Vec<_> = pids.iter().map(|(_, pid)| page_faults(*pid)).collect();
+    // The first ticks, too: none waits for a page that was never there.
+    robot.drive();
     std::thread::sleep(LOOK);
     for ((name, pid), before) in pids.iter().zip(before) {
         assert_eq!(page_faults(*pid), before, "{name}: minor and major page faults");
     }
-    drop(driving);
+    drop(robot);
     lab.assert_nothing_left("a robot whose pages were counted");
 }
 
@@ -229,11 +236,12 @@ fn while_it_drives_there_is_no_system_call_but_the_sleep_and_the_wake_up() {
         return skip(test, "no strace");
     }
     let lab = Lab::new();
-    let driving = Driving::start(&lab, |_| {}, &[]);
-    for (name, pid) in driving.pids() {
-        let from = driving.tick();
+    let robot = Robot::up(&lab, |_| {}, &[]);
+    robot.drive();
+    for (name, pid) in robot.pids() {
+        let from = robot.tick();
         let calls = system_calls(&lab, name, pid);
-        let ticks = (driving.tick() - from) as u64;
+        let ticks = (robot.tick() - from) as u64;
         println!("{name}: {calls:?} in about {ticks} ticks");
         let allowed: &[&str] = match name {
             // It sleeps until its tick, and wakes the pose estimator.
@@ -252,7 +260,7 @@ fn while_it_drives_there_is_no_system_call_but_the_sleep_and_the_wake_up() {
             assert!(sleeps > 100 && wakes <= sleeps + 1, "one wake-up a tick at most: {calls:?}");
         }
     }
-    drop(driving);
+    drop(robot);
     lab.assert_nothing_left("a robot that was traced");
 }
 
@@ -277,9 +285,10 @@ fn policies(pid: i32) -> Vec<(i32, u64)> {
 fn a_box_has_one_thread_in_real_time_and_says_what_it_was_granted() {
     let _machine = whole_machine();
     let lab = Lab::new();
-    let driving = Driving::start(&lab, |_| {}, &["wake_up.keep_awake=true"]);
-    let status = driving.status();
-    for (name, pid) in driving.pids() {
+    let robot = Robot::up(&lab, |_| {}, &["wake_up.keep_awake=true"]);
+    robot.drive();
+    let status = robot.status();
+    for (name, pid) in robot.pids() {
         let processes = status["processes"].as_array().expect("processes");
         let granted = text(processes.iter().find(|one| one["name"] == name).expect("it is there"), "granted");
         let policies = policies(pid);
@@ -296,7 +305,7 @@ fn a_box_has_one_thread_in_real_time_and_says_what_it_was_granted() {
             "{name}: threads that keep awake: {policies:?}"
         );
     }
-    drop(driving);
+    drop(robot);
     lab.assert_nothing_left("a robot kept awake");
 }
 

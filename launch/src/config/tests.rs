@@ -350,8 +350,8 @@ fn the_built_in_system_is_table_1_and_names_every_key() {
 fn processes_on_the_tick_are_real_time_on_the_last_cpu() {
     let epuck = System::load("epuck").unwrap();
     let order =
-        [Role::StepGenerator, Role::Plant, Role::PoseEstimator, Role::WaypointSelector, Role::Controller];
-    for (role, priority) in order.into_iter().zip([80, 75, 70, 65, 60]) {
+        [Role::StepGenerator, Role::PoseEstimator, Role::WaypointSelector, Role::Controller, Role::Plant];
+    for (role, priority) in order.into_iter().zip([80, 70, 65, 60, 55]) {
         assert_eq!(epuck.realtime(role), Realtime { cpu: -1, priority });
     }
     for role in [Role::Planner, Role::Recorder, Role::Launch] {
