@@ -40,9 +40,11 @@ impl FifoRefusal {
     /// What to do.
     pub fn cure(&self) -> String {
         match self {
-            Self::Limit { .. } => "ulimit -r 99 (LimitRTPRIO=99, rtprio 99 in /etc/security/limits.conf) or \
-                                   CAP_SYS_NICE; docker: --ulimit rtprio=99 --cap-add SYS_NICE"
-                .to_owned(),
+            Self::Limit { .. } => {
+                "ulimit -r 99 (LimitRTPRIO=99 in a unit, rtprio 99 in /etc/security/limits.conf; \
+                                   docker: --ulimit rtprio=99), or CAP_SYS_NICE"
+                    .to_owned()
+            }
             Self::Group { budget: Some(budget), .. } => format!(
                 "echo 400000 > {} (each group above it needs as much), or start it from the root group",
                 budget.display()
