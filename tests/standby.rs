@@ -130,10 +130,13 @@ fn in_lockstep_time_waits_for_a_lone_successor_and_the_bits_are_the_same() {
         while run.lives() && killed < 3 {
             let Some(status) = lab.status(&robot) else { continue };
             if number(&status, "tick") > 0.0 {
-                support::process::signal(support::pid_of(&status, "controller"), Signal::KILL);
+                let dead = support::pid_of(&status, "controller");
+                support::process::signal(dead, Signal::KILL);
                 killed += 1;
                 support::wait_until("a successor, or the end", || {
-                    let at_work = |one: &Value| one["name"] == "controller" && one["state"] == "running";
+                    // Launch may not know yet that the one before is dead.
+                    let next = |one: &Value| one["name"] == "controller" && one["pid"] != dead;
+                    let at_work = |one: &Value| next(one) && one["state"] == "running";
                     let status = lab.status(&robot).unwrap_or_default();
                     status["processes"].as_array().is_some_and(|all| all.iter().any(at_work)) || !run.lives()
                 });
