@@ -33,9 +33,9 @@ fn its_figures_are_whole_and_its_files_there() {
     let args = ["latency", "--seconds", "2", "--load", "--json", "--robot", &robot, "--out", "measured"];
     let ended = lab.hilare(&args).expect_code(0);
     let figures: Value = serde_json::from_str(&ended.stdout).expect("JSON alone on standard output");
-    assert!((2.0..3.0).contains(&number(&figures, "seconds")), "{figures}");
+    assert!((2.0..20.0).contains(&number(&figures, "seconds")), "{figures}");
     let samples = number(&figures, "samples");
-    assert!(samples > 500.0 && samples <= 3000.0 && figures["load"] == true, "{figures}");
+    assert!(samples > 500.0 && samples <= 1100.0 * number(&figures, "seconds") && figures["load"] == true, "{figures}");
     let tick = &figures["tick"];
     sound(&tick["ours"]);
     sound(&tick["bare_loop"]);
