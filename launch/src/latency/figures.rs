@@ -176,7 +176,7 @@ impl Figures {
     pub fn to_text(&self, causes: &[(Cause, u64)]) -> String {
         let mut text = String::new();
         let load = match self.load_by {
-            Some(by) => format!("both cores loaded ({by})"),
+            Some(by) => format!("every core loaded ({by})"),
             None => "idle".to_owned(),
         };
         let granted = &self.granted;

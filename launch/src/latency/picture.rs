@@ -19,7 +19,7 @@ pub fn write_pictures(dir: &Path, measured: &Measured) -> io::Result<Vec<PathBuf
         ("three bare iceoryx2 hops", &measured.iceoryx2.all),
         ("the tick's own work", &robot.work),
     ];
-    let beside = if measured.load.is_some() { "both cores loaded" } else { "idle" };
+    let beside = if measured.load.is_some() { "every core loaded" } else { "idle" };
     let seconds = measured.seconds;
     let files = [
         (
