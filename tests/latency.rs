@@ -35,7 +35,10 @@ fn its_figures_are_whole_and_its_files_there() {
     let figures: Value = serde_json::from_str(&ended.stdout).expect("JSON alone on standard output");
     assert!((2.0..20.0).contains(&number(&figures, "seconds")), "{figures}");
     let samples = number(&figures, "samples");
-    assert!(samples > 500.0 && samples <= 1100.0 * number(&figures, "seconds") && figures["load"] == true, "{figures}");
+    assert!(
+        samples > 500.0 && samples <= 1100.0 * number(&figures, "seconds") && figures["load"] == true,
+        "{figures}"
+    );
     let tick = &figures["tick"];
     sound(&tick["ours"]);
     sound(&tick["bare_loop"]);
