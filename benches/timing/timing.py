@@ -151,9 +151,9 @@ sent until the command they lead to is out: three hops and what three boxes comp
 LIMITS = """## What limits them
 
 - Lateness is the machine's: the timer's interrupt, the wake of an idle core and the switch to the process cost the bare loop as
-  much. Spinning before the tick takes that away at the price of processor time; keeping the core awake halves it.
+  much. Spinning before the tick takes that away at the price of processor time; keeping the core awake halves p99.
 - After the sleep between two ticks neither code nor data of a box is in the caches: a send of iceoryx2 that takes 0.3 µs when
-  it is repeated takes 3 to 8 µs there, a law of 0.1 µs takes 3. That, not the futex, is what a hop costs above a bare one.
+  it is repeated takes 3 to 8 µs there. That, not the futex, is what a hop costs above a bare one.
 - The tick's own work holds the wake-up of the pose estimator (a system call) and the send, of which each is a third; the step
   itself and keeping its state are about 1 µs together.
 """

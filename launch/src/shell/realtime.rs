@@ -104,12 +104,8 @@ pub fn another_cpu(choice: CpuChoice) -> Option<usize> {
     (0..CpuSet::MAX_CPU).find(|cpu| allowed.is_set(*cpu) && *cpu != chosen)
 }
 
-/// The one processor the calling thread is bound to.
-pub fn bound_cpu() -> Option<u64> {
-    bound_cpu_of(None)
-}
-
-fn bound_cpu_of(pid: Option<Pid>) -> Option<u64> {
+/// The one processor a process is bound to, or the calling thread.
+fn bound_cpu(pid: Option<Pid>) -> Option<u64> {
     let set = sched_getaffinity(pid).ok().filter(|set| set.count() == 1)?;
     (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
 }
@@ -189,7 +185,7 @@ pub fn granted(pid: Option<Pid>) -> Granted {
     Granted {
         fifo,
         priority: u64::try_from(parameters.sched_priority).unwrap_or(0),
-        cpu: bound_cpu_of(pid),
+        cpu: bound_cpu(pid),
         mlock: locked,
     }
 }

@@ -33,7 +33,7 @@ impl Domain {
         let name: ServiceName = name.as_str().try_into().map_err(|e| failed(name.clone(), e))?;
         let builder = || self.node.service_builder(&name);
         let wire = builder().publish_subscribe::<OnWire<Pose>>().open_or_create();
-        // With the default a listener looks through 4 billion ids.
+        // What a listener looks through grows with the greatest id.
         let event = builder().event().event_id_max_value(1).open_or_create();
         Ok((wire.map_err(|e| failed(name, e))?, event.map_err(|e| failed(name, e))?))
     }
