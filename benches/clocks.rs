@@ -2,7 +2,7 @@
 //!
 //! In-process: ticks a second of the whole loop (selector, controller, step generator, estimator,
 //! plant) on one core, bare and with every tick recorded; beside it, as a yardstick of the machine in
-//! the same run, a loop of dependent additions. Lockstep: ticks a second of the seven processes, taken
+//! the same run, a loop of dependent additions. Lockstep: ticks a second of the eight processes, taken
 //! from ticks and whole-process time with the start-up measured apart.
 #![allow(missing_docs)]
 
@@ -85,7 +85,7 @@ fn lockstep() {
     rates.sort_by(f64::total_cmp);
     let (low, high) = (rates.first().copied().unwrap_or(0.0), rates.last().copied().unwrap_or(0.0));
     println!(
-        "lockstep, 7 processes: {:>6.0} thousand ticks/s (lowest {:.0}, highest {:.0})",
+        "lockstep, 8 processes: {:>6.0} thousand ticks/s (lowest {:.0}, highest {:.0})",
         rates.get(rates.len() / 2).copied().unwrap_or(0.0) / 1e3,
         low / 1e3,
         high / 1e3

@@ -183,6 +183,18 @@ fn kill_9_of_the_recorder() {
     assert!(!report(&lab).join("summary.json").exists(), "no figures are better than half of them");
 }
 
+/// Its successor repeats what comes; what came meanwhile the recorder lacks, and says so.
+#[test]
+fn kill_9_of_the_relay() {
+    let lab = Lab::new();
+    let ended = kill_while_driving(&lab, "relay").expect_code(1);
+    assert!(ended.stdout.contains("ARRIVED") && !ended.stdout.contains("NOT ARRIVED"), "{ended:#?}");
+    let said = ended.complaints();
+    assert!(said.iter().any(|line| line.contains("ticks were lost to the recorder")), "{ended:#?}");
+    let summary = lab.summary(&report(&lab));
+    assert_eq!((&summary["reached"], &summary["restarts"]), (&true.into(), &1.into()));
+}
+
 #[test]
 fn a_killed_launch_stops_the_robot_before_the_workers_go() {
     let lab = Lab::new();

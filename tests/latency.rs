@@ -30,7 +30,8 @@ fn its_figures_are_whole_and_its_files_there() {
     let _machine = whole_machine();
     let lab = Lab::new();
     let robot = lab.robot();
-    let args = ["latency", "--seconds", "2", "--load", "--json", "--robot", &robot, "--out", "measured"];
+    let args = ["--seconds", "2", "--load", "--observers", "4", "--json", "--out", "measured"];
+    let args = [&["latency", "--robot", &robot], &args[..]].concat();
     let ended = lab.hilare(&args).expect_code(0);
     let figures: Value = serde_json::from_str(&ended.stdout).expect("JSON alone on standard output");
     assert!((2.0..20.0).contains(&number(&figures, "seconds")), "{figures}");
@@ -59,6 +60,15 @@ fn its_figures_are_whole_and_its_files_there() {
     }
     sound(&figures["work"]);
     sound(&figures["command_ready"]);
+    looking_is_measured(&figures["watched"]);
+    let processes = figures["processes"].as_array().expect("processes");
+    let names: Vec<&str> = processes.iter().map(|one| one["name"].as_str().expect("a name")).collect();
+    for name in ["step_generator", "pose_estimator", "waypoint_selector", "controller", "relay", "recorder"] {
+        assert!(names.contains(&name), "{name}: {names:?}");
+    }
+    for count in ["over_budget", "page_faults", "involuntary_switches"] {
+        assert!(processes.iter().all(|one| one[count].is_u64()), "{count}: {processes:?}");
+    }
     let granted = &figures["granted"];
     assert!(["fifo", "other"].contains(&granted["policy"].as_str().expect("a policy")), "{granted}");
     assert!(granted["priority"].is_u64() && granted["mlock"].is_boolean(), "{granted}");
@@ -82,6 +92,32 @@ fn its_figures_are_whole_and_its_files_there() {
         assert!(svg.starts_with("<svg") && svg.contains("bare"), "{name}");
     }
     lab.assert_nothing_left("a measurement");
+}
+
+/// Four observers come and go for one of two seconds: each joins some ten times, and reads what the relay repeats,
+/// three wires of a message a tick.
+fn looking_is_measured(watched: &Value) {
+    assert_eq!(watched["observers"], 4);
+    let (joins, messages) = (number(watched, "joins"), number(watched, "messages"));
+    assert!((4.0..=80.0).contains(&joins) && messages > 100.0 * joins, "{watched}");
+    for kind in ["tick", "bare_loop", "work", "steps_to_command"] {
+        let turns = &watched[kind];
+        sound(&turns["without"]);
+        sound(&turns["with"]);
+        is_ratio(&turns["ratio"], &turns["with"], &turns["without"]);
+    }
+}
+
+#[test]
+fn a_robot_that_nobody_records_is_measured_too() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let robot = lab.robot();
+    let args = ["latency", "--seconds", "1", "--no-recorder", "--json", "--robot", &robot];
+    let figures: Value = serde_json::from_str(&lab.hilare(&args).expect_code(0).stdout).expect("JSON");
+    let processes = figures["processes"].as_array().expect("processes");
+    assert!(processes.iter().all(|one| one["name"] != "recorder"), "{processes:?}");
+    assert_eq!(figures.get("watched"), None);
 }
 
 #[test]
@@ -109,6 +145,7 @@ fn what_cannot_be_measured_is_one_line() {
         (&["--seconds", "NaN"], "--seconds NaN: 1 to 86400 are wanted"),
         (&["--set", "step_generator.cpu=0"], "unknown"),
         (&["--system", "nowhere"], "nowhere"),
+        (&["--observers", "61"], "--observers 61: 0 to 60 are wanted"),
         (&["--out", "/proc/none"], "--out /proc/none"),
     ] {
         let ended = lab.hilare(&[&["latency"], args].concat()).expect_code(2);

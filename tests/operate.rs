@@ -6,8 +6,8 @@ use serde_json::Value;
 use std::time::Duration;
 use support::{Lab, Running, comes_true, number, pid_of, text};
 
-const WORKERS: [&str; 6] =
-    ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant"];
+const WORKERS: [&str; 7] =
+    ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant", "relay"];
 
 /// A robot brought up with `--detach`.
 struct Robot<'l> {

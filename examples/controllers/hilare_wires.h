@@ -30,54 +30,92 @@
 #define HILARE_ANSWER_SERVICE "hilare/answer"
 #define HILARE_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
 
-/* planner -> waypoint_selector, recorder, on demand: waypoints in the world frame, at most 65 536.
+/* planner -> waypoint_selector, relay, on demand: waypoints in the world frame, at most 65 536.
  * PathHeader, then Waypoints. */
 #define HILARE_PATH_SERVICE "hilare/path"
 #define HILARE_PATH_LAYOUT "5e7b14bcbb67098e 0.1.0"
 
-/* waypoint_selector -> controller, recorder, launch, every control period: last, current and coming
- * waypoints, index, total, speed. Reference. */
+/* waypoint_selector -> controller, relay, every control period: last, current and coming waypoints,
+ * index, total, speed. Reference. */
 #define HILARE_REFERENCE_SERVICE "hilare/reference"
 #define HILARE_REFERENCE_LAYOUT "0ef859e5d54ee1df 0.1.0"
 
-/* controller -> step_generator, every control period: body velocity with source, epoch, seq, pose tick
- * and effective tick. Command. */
+/* controller -> step_generator, relay, every control period: body velocity with source, epoch, seq, pose
+ * tick and effective tick. Command. */
 #define HILARE_COMMAND_SERVICE "hilare/command"
 #define HILARE_COMMAND_LAYOUT "533469003df0fb51 0.1.0"
 
-/* launch -> step_generator, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease.
+/* launch -> step_generator, relay, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease.
  * Authority. */
 #define HILARE_AUTHORITY_SERVICE "hilare/authority"
 #define HILARE_AUTHORITY_LAYOUT "5fe1e47848fda10e 0.1.0"
 
-/* step_generator -> pose_estimator, plant, recorder, launch, 1 kHz: cumulative signed counts a wheel,
- * commanded wheel speeds. Steps. */
+/* step_generator -> pose_estimator, plant, relay, 1 kHz: cumulative signed counts a wheel, commanded
+ * wheel speeds. Steps. */
 #define HILARE_STEPS_SERVICE "hilare/steps"
 #define HILARE_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
 
-/* plant -> pose_estimator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
- * Wheels. */
+/* plant -> pose_estimator, relay, 1 kHz: cumulative encoder counts, where the robot has encoders or a
+ * camera. Wheels. */
 #define HILARE_WHEELS_SERVICE "hilare/wheels"
 #define HILARE_WHEELS_LAYOUT "bb9caf7b605e9700 0.1.0"
 
-/* plant -> pose_estimator, on demand: pose measured from outside, late and noisy, where there is a
- * camera. PoseFix. */
+/* plant -> pose_estimator, relay, on demand: pose measured from outside, late and noisy, where there is
+ * a camera. PoseFix. */
 #define HILARE_FIX_SERVICE "hilare/fix"
 #define HILARE_FIX_LAYOUT "5f2d70eb98eff79d 0.1.0"
 
-/* pose_estimator -> waypoint_selector, controller, planner, recorder, launch, 1 kHz: estimated pose in
- * the world frame. Pose. */
+/* pose_estimator -> waypoint_selector, controller, relay, 1 kHz: estimated pose in the world frame.
+ * Pose. */
 #define HILARE_POSE_SERVICE "hilare/pose"
 #define HILARE_POSE_LAYOUT "2fa61ce500ab69a3 0.1.0"
 
-/* plant -> recorder, 1 kHz: true pose; never seen by the control path. Truth. */
+/* plant -> relay, 1 kHz: true pose; never seen by the control path. Truth. */
 #define HILARE_TRUTH_SERVICE "hilare/truth"
 #define HILARE_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
-/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, recorder -> launch, 20
- * Hz: state, reason, counters. Health. */
+/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder ->
+ * launch, 20 Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
 #define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
+
+/* relay -> , on demand: waypoints in the world frame, at most 65 536. PathHeader, then Waypoints. */
+#define HILARE_WATCH_PATH_SERVICE "hilare/watch/path"
+#define HILARE_WATCH_PATH_LAYOUT "5e7b14bcbb67098e 0.1.0"
+
+/* relay -> recorder, launch, every control period: last, current and coming waypoints, index, total,
+ * speed. Reference. */
+#define HILARE_WATCH_REFERENCE_SERVICE "hilare/watch/reference"
+#define HILARE_WATCH_REFERENCE_LAYOUT "0ef859e5d54ee1df 0.1.0"
+
+/* relay -> , every control period: body velocity with source, epoch, seq, pose tick and effective tick.
+ * Command. */
+#define HILARE_WATCH_COMMAND_SERVICE "hilare/watch/command"
+#define HILARE_WATCH_COMMAND_LAYOUT "533469003df0fb51 0.1.0"
+
+/* relay -> , 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority. */
+#define HILARE_WATCH_AUTHORITY_SERVICE "hilare/watch/authority"
+#define HILARE_WATCH_AUTHORITY_LAYOUT "5fe1e47848fda10e 0.1.0"
+
+/* relay -> recorder, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds. Steps. */
+#define HILARE_WATCH_STEPS_SERVICE "hilare/watch/steps"
+#define HILARE_WATCH_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
+
+/* relay -> , 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels. */
+#define HILARE_WATCH_WHEELS_SERVICE "hilare/watch/wheels"
+#define HILARE_WATCH_WHEELS_LAYOUT "bb9caf7b605e9700 0.1.0"
+
+/* relay -> , on demand: pose measured from outside, late and noisy, where there is a camera. PoseFix. */
+#define HILARE_WATCH_FIX_SERVICE "hilare/watch/fix"
+#define HILARE_WATCH_FIX_LAYOUT "5f2d70eb98eff79d 0.1.0"
+
+/* relay -> planner, recorder, launch, 1 kHz: estimated pose in the world frame. Pose. */
+#define HILARE_WATCH_POSE_SERVICE "hilare/watch/pose"
+#define HILARE_WATCH_POSE_LAYOUT "2fa61ce500ab69a3 0.1.0"
+
+/* relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth. */
+#define HILARE_WATCH_TRUTH_SERVICE "hilare/watch/truth"
+#define HILARE_WATCH_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
 /* What a goal asks for. */
 enum hilare_goal_kind {

@@ -60,6 +60,19 @@ impl LatencyHistogram {
         self.max_ns = self.max_ns.max(other.max_ns);
     }
 
+    /// What was recorded after `before`, an earlier copy of the same histogram. Its maximum is the upper edge of
+    /// the highest bucket, unless it is the maximum of all.
+    pub fn since(&self, before: &Self) -> Self {
+        let mut after = *self;
+        for (mine, theirs) in after.buckets.iter_mut().zip(&before.buckets) {
+            *mine = mine.saturating_sub(*theirs);
+        }
+        after.count = after.buckets.iter().sum();
+        let highest = after.buckets.iter().rposition(|samples| *samples > 0);
+        after.max_ns = highest.map_or(0, |index| upper_edge_ns(index as u64).min(self.max_ns));
+        after
+    }
+
     /// The value below which `fraction` (0..=1) of the samples lie, ns: the upper edge of its
     /// bucket, never above the maximum; 0 without samples.
     pub fn quantile_ns(&self, fraction: f64) -> u64 {
@@ -124,6 +137,26 @@ mod tests {
             let got = histogram.quantile_ns(fraction);
             prop_assert!(got >= exact && got as f64 <= exact as f64 * (1.0 + 1.0 / 16.0) + 1.0);
             prop_assert_eq!(histogram.max_ns, *samples.last().unwrap());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_came_since_is_what_was_recorded_since(
+            early in proptest::collection::vec(0u64..2_000_000_000, 0..100),
+            late in proptest::collection::vec(0u64..2_000_000_000, 0..100),
+        ) {
+            let mut histogram = LatencyHistogram::ZERO;
+            early.iter().for_each(|ns| histogram.record(*ns));
+            let before = histogram;
+            let mut alone = LatencyHistogram::ZERO;
+            late.iter().for_each(|ns| {
+                histogram.record(*ns);
+                alone.record(*ns);
+            });
+            let since = histogram.since(&before);
+            prop_assert_eq!((since.count, since.buckets), (alone.count, alone.buckets));
+            prop_assert!(since.max_ns >= alone.max_ns && since.max_ns <= alone.max_ns + alone.max_ns / 16 + 1);
         }
     }
 

@@ -1,7 +1,9 @@
 //! THE diagram: which box sends what to whom, how often, how deep the buffers are.
 //!
 //! Ports, doorbells, start order, `hilare diagram` and the README's picture read this table; there
-//! is no second list.
+//! is no second list. Whoever only looks reads the wires of the relay, [`watch`].
+
+pub mod watch;
 
 use crate::layout::{Layout, WireMessage};
 use crate::messages::{
@@ -26,19 +28,22 @@ pub enum Role {
     PoseEstimator,
     /// The simulated robot.
     Plant,
+    /// Repeats the wires for those who only look.
+    Relay,
     /// Keeps what happened.
     Recorder,
 }
 
 impl Role {
     /// Every worker, in the diagram's order; launch is not one.
-    pub const WORKERS: [Self; 7] = [
+    pub const WORKERS: [Self; 8] = [
         Self::Planner,
         Self::WaypointSelector,
         Self::Controller,
         Self::StepGenerator,
         Self::PoseEstimator,
         Self::Plant,
+        Self::Relay,
         Self::Recorder,
     ];
 
@@ -52,6 +57,7 @@ impl Role {
             Self::StepGenerator => "step_generator",
             Self::PoseEstimator => "pose_estimator",
             Self::Plant => "plant",
+            Self::Relay => "relay",
             Self::Recorder => "recorder",
         }
     }
@@ -161,7 +167,7 @@ pub const PATH: Wire = Wire {
     element: Some(Waypoint::LAYOUT),
     layout_hash: PathHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
     from: &[Role::Planner],
-    to: &[wakes(Role::WaypointSelector), polls(Role::Recorder)],
+    to: &[wakes(Role::WaypointSelector), polls(Role::Relay)],
     rate: Rate::OnDemand,
     buffer: 2,
     history: 1,
@@ -175,7 +181,7 @@ pub const REFERENCE: Wire = Wire {
     element: None,
     layout_hash: Reference::LAYOUT_HASH,
     from: &[Role::WaypointSelector],
-    to: &[wakes(Role::Controller), polls(Role::Recorder), polls(Role::Launch)],
+    to: &[wakes(Role::Controller), polls(Role::Relay)],
     rate: Rate::EveryPeriod,
     buffer: 256,
     history: SUCCESSOR_PERIODS,
@@ -190,7 +196,7 @@ pub const COMMAND: Wire = Wire {
     layout_hash: Command::LAYOUT_HASH,
     from: &[Role::Controller],
     // The real clock is never woken by it; the lockstep clock waits for it.
-    to: &[wakes(Role::StepGenerator)],
+    to: &[wakes(Role::StepGenerator), polls(Role::Relay)],
     rate: Rate::EveryPeriod,
     buffer: 64,
     history: 0,
@@ -204,7 +210,7 @@ pub const AUTHORITY: Wire = Wire {
     element: None,
     layout_hash: Authority::LAYOUT_HASH,
     from: &[Role::Launch],
-    to: &[polls(Role::StepGenerator)],
+    to: &[polls(Role::StepGenerator), polls(Role::Relay)],
     rate: Rate::Hertz(50),
     buffer: 8,
     history: 1,
@@ -218,7 +224,7 @@ pub const STEPS: Wire = Wire {
     element: None,
     layout_hash: Steps::LAYOUT_HASH,
     from: &[Role::StepGenerator],
-    to: &[wakes(Role::PoseEstimator), wakes(Role::Plant), polls(Role::Recorder), polls(Role::Launch)],
+    to: &[wakes(Role::PoseEstimator), wakes(Role::Plant), polls(Role::Relay)],
     rate: Rate::EveryTick,
     buffer: 1024,
     history: SUCCESSOR_TICKS,
@@ -232,7 +238,7 @@ pub const WHEELS: Wire = Wire {
     element: None,
     layout_hash: Wheels::LAYOUT_HASH,
     from: &[Role::Plant],
-    to: &[wakes(Role::PoseEstimator)],
+    to: &[wakes(Role::PoseEstimator), polls(Role::Relay)],
     rate: Rate::EveryTick,
     buffer: 1024,
     history: SUCCESSOR_TICKS,
@@ -247,7 +253,7 @@ pub const FIX: Wire = Wire {
     layout_hash: PoseFix::LAYOUT_HASH,
     from: &[Role::Plant],
     // The wheels of the same tick wake it.
-    to: &[polls(Role::PoseEstimator)],
+    to: &[polls(Role::PoseEstimator), polls(Role::Relay)],
     rate: Rate::OnDemand,
     buffer: 1024,
     history: 64,
@@ -265,9 +271,7 @@ pub const POSE: Wire = Wire {
         wakes(Role::WaypointSelector),
         // The reference that answers a pose wakes it.
         polls(Role::Controller),
-        polls(Role::Planner),
-        polls(Role::Recorder),
-        polls(Role::Launch),
+        polls(Role::Relay),
     ],
     rate: Rate::EveryTick,
     buffer: 1024,
@@ -283,7 +287,7 @@ pub const TRUTH: Wire = Wire {
     element: None,
     layout_hash: Truth::LAYOUT_HASH,
     from: &[Role::Plant],
-    to: &[polls(Role::Recorder)],
+    to: &[polls(Role::Relay)],
     rate: Rate::EveryTick,
     buffer: 1024,
     history: 0,
@@ -305,8 +309,29 @@ pub const HEALTH: Wire = Wire {
 };
 
 /// Every wire, in the diagram's order.
-pub const WIRES: [&Wire; 12] =
-    [&GOAL, &ANSWER, &PATH, &REFERENCE, &COMMAND, &AUTHORITY, &STEPS, &WHEELS, &FIX, &POSE, &TRUTH, &HEALTH];
+pub const WIRES: [&Wire; 21] = [
+    &GOAL,
+    &ANSWER,
+    &PATH,
+    &REFERENCE,
+    &COMMAND,
+    &AUTHORITY,
+    &STEPS,
+    &WHEELS,
+    &FIX,
+    &POSE,
+    &TRUTH,
+    &HEALTH,
+    &watch::PATH,
+    &watch::REFERENCE,
+    &watch::COMMAND,
+    &watch::AUTHORITY,
+    &watch::STEPS,
+    &watch::WHEELS,
+    &watch::FIX,
+    &watch::POSE,
+    &watch::TRUTH,
+];
 
 impl Wire {
     /// True if `role` writes this wire.
@@ -317,6 +342,11 @@ impl Wire {
     /// True if `role` reads this wire.
     pub fn read_by(&self, role: Role) -> bool {
         self.to.iter().any(|reader| reader.role == role)
+    }
+
+    /// True if this is a wire of the relay, for whoever wants to look.
+    pub const fn is_watch(&self) -> bool {
+        matches!(self.from, [Role::Relay])
     }
 
     /// True if a message on this wire wakes `role`.
@@ -358,7 +388,8 @@ mod tests {
     #[test]
     fn every_wire_has_both_ends_and_its_own_name() {
         for (i, wire) in WIRES.iter().enumerate() {
-            assert!(!wire.from.is_empty() && !wire.to.is_empty(), "{}", wire.name);
+            // Those of the relay are for whoever comes.
+            assert!(!wire.from.is_empty() && (!wire.to.is_empty() || wire.is_watch()), "{}", wire.name);
             assert!(wire.to.iter().all(|reader| !wire.written_by(reader.role)), "{}", wire.name);
             assert!(WIRES[..i].iter().all(|other| other.name != wire.name), "{}", wire.name);
         }
@@ -366,8 +397,10 @@ mod tests {
 
     #[test]
     fn the_control_path_never_sees_the_truth() {
-        let readers = TRUTH.to.iter().map(|reader| reader.role);
-        assert!(readers.clone().all(|role| matches!(role, Role::Recorder)), "{:?}", TRUTH.to);
+        let outside = [Role::Relay, Role::Recorder, Role::Launch];
+        for wire in [&TRUTH, &watch::TRUTH] {
+            assert!(wire.to.iter().all(|reader| outside.contains(&reader.role)), "{:?}", wire.to);
+        }
     }
 
     #[test]
@@ -386,7 +419,27 @@ mod tests {
     #[test]
     fn nobody_on_the_tick_waits_for_an_observer() {
         for wire in WIRES {
-            assert!(!wire.wakes(Role::Recorder) && !wire.wakes(Role::Launch), "{}", wire.name);
+            let observers = [Role::Relay, Role::Recorder, Role::Launch];
+            assert!(!observers.iter().any(|role| wire.wakes(*role)), "{}", wire.name);
         }
+    }
+
+    #[test]
+    fn who_only_looks_reads_no_wire_that_the_tick_or_the_loop_writes() {
+        let loop_boxes =
+            [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
+        for wire in WIRES.iter().filter(|wire| wire.from.iter().any(|from| loop_boxes.contains(from))) {
+            let looks = |reader: &Reader| !loop_boxes.contains(&reader.role) && reader.role != Role::Relay;
+            // Twenty times a second, and launch has to know at once.
+            let allowed = if wire.name == HEALTH.name { 1 } else { 0 };
+            assert_eq!(wire.to.iter().filter(|reader| looks(reader)).count(), allowed, "{}", wire.name);
+        }
+    }
+
+    #[test]
+    fn the_relay_repeats_every_wire_it_reads_and_nothing_else() {
+        let read = WIRES.iter().filter(|wire| wire.read_by(Role::Relay));
+        let repeated = WIRES.iter().filter_map(|wire| wire.name.strip_prefix("watch/"));
+        assert!(read.map(|wire| wire.name).eq(repeated));
     }
 }

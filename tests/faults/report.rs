@@ -72,7 +72,7 @@ pub const ROWS: &[Row] = &[
         "same bits",
     ),
     row("step generator killed", "outputs cease; still until armed again", "same tick, 0 steps lost"),
-    row("recorder killed or stopped", "no effect on the tick", "0 ticks"),
+    row("recorder or relay killed or stopped", "no effect on the tick", "0 ticks"),
     row("any box killed in virtual time", "time waits for its successor", "same bits"),
     row(
         "several boxes killed at once in virtual time",

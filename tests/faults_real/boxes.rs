@@ -114,24 +114,25 @@ fn a_path_does_not_need_its_planner() {
 }
 
 #[test]
-fn nobody_waits_for_the_recorder() {
+fn nobody_waits_for_those_who_look() {
     let _machine = whole_machine();
     let lab = Lab::new();
     let path = corners(&lab);
     let job = ["--path", &*path];
     let expected = simulated(&lab, &job);
-    seeds::each_real("recorder killed or stopped", 1..=10, |draw, figures| {
+    seeds::each_real("recorder or relay killed or stopped", 1..=10, |draw, figures| {
         let told = unless_spoilt(figures, |attempt| {
             let mut robot = Drive::start(&lab, &format!("r{}x{attempt}", draw.seed()), &job, &[]);
             robot.await_tick(draw.random.whole(300, 3000));
-            robot.strike("recorder", draw.random.pick(&[Signal::KILL, Signal::STOP]));
+            let observer = draw.random.pick(&["recorder", "relay"]);
+            robot.strike(observer, draw.random.pick(&[Signal::KILL, Signal::STOP]));
             let told = robot.end(1);
             told.spoilt().map_or(Ok(told), Err)
         });
         same_steps(&told.seen, &expected);
-        figures.sum("{} runs with the very steps of one with a recorder; 0 cycles lost", 1.0);
+        figures.sum("{} runs with the very steps of one that is looked at; 0 cycles lost", 1.0);
     });
-    lab.assert_nothing_left("drives without a recorder");
+    lab.assert_nothing_left("drives nobody looks at");
 }
 
 /// True if every process works, or has nothing to do.

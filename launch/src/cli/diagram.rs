@@ -69,11 +69,16 @@ pub fn text() -> String {
         }
         for (i, wire) in out.iter().enumerate() {
             let head = if i == 0 { label.as_str() } else { "" };
-            let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).collect();
-            let arrow = format!("──{}──▶", wire.name);
-            text.push_str(&format!("{head:<20}{arrow:<15} {:<61} {}\n", readers.join(", "), rate(wire)));
+            let observers = wire.is_watch().then_some("observers");
+            let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).chain(observers).collect();
+            text.push_str(&line(head, wire.name, &readers.join(", "), &rate(wire)));
         }
     }
-    text.push_str(&format!("{:<20}{:<15} {:<61} {}\n", "[every worker]", "──health──▶", "launch", "20 Hz"));
+    text.push_str(&line("[every worker]", "health", "launch", "20 Hz"));
     text
+}
+
+fn line(from: &str, wire: &str, to: &str, rate: &str) -> String {
+    let arrow = format!("──{wire}──▶");
+    format!("{from:<20}{arrow:<20} {to:<37} {rate}\n")
 }

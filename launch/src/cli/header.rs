@@ -93,9 +93,9 @@ fn snake(ident: &str) -> String {
     name
 }
 
-/// `PoseFix` as `POSE_FIX`.
+/// `PoseFix` as `POSE_FIX`, `watch/pose` as `WATCH_POSE`.
 fn shout(ident: &str) -> String {
-    snake(ident).to_uppercase()
+    snake(ident).replace('/', "_").to_uppercase()
 }
 
 #[cfg(test)]

@@ -18,6 +18,9 @@ use tracing::Level;
 /// Longest measurement, s: a path has at most 65 536 waypoints.
 const LONGEST_S: f64 = 86_400.0;
 
+/// Most observers at once: a wire of the relay has room for 64 beside those of the table.
+const MOST_OBSERVERS: usize = 60;
+
 /// Options of `hilare latency`.
 #[derive(Args)]
 pub struct LatencyArgs {
@@ -27,6 +30,12 @@ pub struct LatencyArgs {
     /// Load processor, memory and disk on every core meanwhile (stress-ng, where it is installed)
     #[arg(long)]
     load: bool,
+    /// By turns let as many observers come and go every 0.1 s, and show what that costs the tick
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    observers: usize,
+    /// Without the recorder that every run has
+    #[arg(long)]
+    no_recorder: bool,
     /// Built-in system or a .toml file [built-in: epuck, cart, agv]
     #[arg(long, value_name = "SYSTEM", default_value = "epuck")]
     system: String,
@@ -49,6 +58,9 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     if !(1.0..=LONGEST_S).contains(&args.seconds) {
         return Err(refused(format!("--seconds {}: 1 to {LONGEST_S} are wanted", args.seconds)));
     }
+    if args.observers > MOST_OBSERVERS {
+        return Err(refused(format!("--observers {}: 0 to {MOST_OBSERVERS} are wanted", args.observers)));
+    }
     let mut system = System::load(&args.system).map_err(refused)?;
     system.set_all(&args.set).map_err(refused)?;
     if let Some(robot) = &args.robot {
@@ -64,7 +76,13 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     let _written = log.written_at_end();
     let bar = progress(args, &log);
     let claim = Claim::new(&system.robot)?;
-    let what = Measurement { system, seconds: args.seconds, load: args.load };
+    let what = Measurement {
+        system,
+        seconds: args.seconds,
+        load: args.load,
+        observers: args.observers,
+        record: !args.no_recorder,
+    };
     let measured = measure(&what, claim, &log, |passed| bar.set_position(passed.as_secs()));
     bar.finish_and_clear();
     log.around(None);

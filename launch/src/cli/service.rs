@@ -14,6 +14,7 @@ use crate::shell::observer::RecorderProcess;
 use crate::shell::page::{MAX_SLOTS, PAGE_FD};
 use crate::shell::planning::PlannerProcess;
 use crate::shell::realtime::{self, CpuChoice};
+use crate::shell::relay::RelayProcess;
 use crate::shell::transport::CONFIG_FILE;
 use crate::shell::worker::{Assignment, Worker, die_with_launch};
 use clap::Args;
@@ -183,6 +184,7 @@ fn host(assignment: Assignment) -> Result<(), String> {
         Role::StepGenerator => ClockProcess::new(&mut worker).and_then(|clock| clock.run(worker)),
         Role::PoseEstimator => EstimatorProcess::new(&mut worker).and_then(|hosted| worker.host(hosted)),
         Role::Plant => PlantProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
+        Role::Relay => RelayProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Recorder => RecorderProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Launch => Err("launch is not a service".to_owned()),
     }

@@ -26,7 +26,7 @@ const fn defaults(role: Role) -> Realtime {
         Role::WaypointSelector => 65,
         Role::Controller => 60,
         Role::Plant => 55,
-        Role::Planner | Role::Recorder | Role::Launch => return Realtime::UNBOUND,
+        Role::Planner | Role::Relay | Role::Recorder | Role::Launch => return Realtime::UNBOUND,
     };
     Realtime { cpu: LAST_CPU, priority }
 }

@@ -75,12 +75,17 @@ pub struct BarePage {
     pub futex: Chain,
     /// By iceoryx2.
     pub iceoryx2: Chain,
+    observed: AtomicU32,
+    /// Times an observer joined.
+    joins: AtomicU64,
+    /// Messages observers have read.
+    messages: AtomicU64,
 }
 
 // SAFETY: repr(C) and atomics only.
 unsafe impl Mappable for BarePage {
     const FD: &'static str = "HILARE_BARE_FD";
-    const MAGIC: u64 = 0x6869_6c61_7265_0101;
+    const MAGIC: u64 = 0x6869_6c61_7265_0102;
     const STARTED_BY: &'static str = "it is started by hilare latency";
 
     fn magic(&self) -> &AtomicU64 {
@@ -94,12 +99,39 @@ impl BarePage {
         self.stage.store(stage as u32, Ordering::SeqCst);
     }
 
-    fn stage(&self) -> Stage {
+    /// From now on observers come and go, or not.
+    pub fn set_observed(&self, observed: bool) {
+        self.observed.store(u32::from(observed), Ordering::SeqCst);
+    }
+
+    /// Whether observers come and go.
+    pub(super) fn observed(&self) -> bool {
+        self.observed.load(Ordering::SeqCst) != 0
+    }
+
+    /// An observer has joined, read as many messages, and left.
+    pub(super) fn note_observer(&self, messages: u64) {
+        self.joins.fetch_add(1, Ordering::Relaxed);
+        self.messages.fetch_add(messages, Ordering::Relaxed);
+    }
+
+    /// How often observers joined, and what they read in all.
+    pub fn observers(&self) -> (u64, u64) {
+        (self.joins.load(Ordering::Relaxed), self.messages.load(Ordering::Relaxed))
+    }
+
+    /// How far the measurement is.
+    pub(super) fn stage(&self) -> Stage {
         match self.stage.load(Ordering::SeqCst) {
             0 => Stage::WarmUp,
             1 => Stage::Measuring,
             _ => Stage::Over,
         }
+    }
+
+    /// One more process is at work.
+    pub(super) fn note_ready(&self) {
+        self.ready.fetch_add(1, Ordering::SeqCst);
     }
 
     /// Processes that are at work.
@@ -123,16 +155,18 @@ pub enum Part {
     Driver,
     /// Whoever answers, 1 to [`HOPS`].
     Responder(usize),
+    /// Whoever comes, looks at what the relay repeats, and goes.
+    Observer,
 }
 
 impl Part {
-    /// All of them, in the order they start in.
-    pub const ALL: [Self; 5] =
+    /// Those there always are, in the order they start in.
+    pub const BARE: [Self; 5] =
         [Self::Responder(3), Self::Responder(2), Self::Responder(1), Self::Driver, Self::Loop];
 
     /// From its name on the command line.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|part| part.name() == name)
+        Self::BARE.into_iter().chain([Self::Observer]).find(|part| part.name() == name)
     }
 
     /// Name on the command line.
@@ -143,6 +177,7 @@ impl Part {
             Self::Responder(1) => "responder-1",
             Self::Responder(2) => "responder-2",
             Self::Responder(_) => "responder-3",
+            Self::Observer => "observer",
         }
     }
 }
@@ -161,6 +196,9 @@ pub struct Place {
 /// Runs one of these processes until the measurement is over. `runtime_dir` is the robot's.
 pub fn run(part: Part, place: Place, runtime_dir: &Path) -> Result<(), String> {
     let page: Mapped<BarePage> = Mapped::inherit().map_err(|e| e.to_string())?;
+    if part == Part::Observer {
+        return super::observers::come_and_go(&page, runtime_dir);
+    }
     let ports = match part {
         Part::Loop => None,
         _ => Some(Domain::join(runtime_dir, part.name())?),
@@ -175,7 +213,7 @@ pub fn run(part: Part, place: Place, runtime_dir: &Path) -> Result<(), String> {
         cpu: CpuChoice::from_key(place.cpu),
         lock_memory: place.priority > 0,
     });
-    page.ready.fetch_add(1, Ordering::SeqCst);
+    page.note_ready();
     match (part, input) {
         (Part::Loop, _) => run_loop(&page, place.phase_ns + LOOP_PHASE_NS),
         (_, None) => {

@@ -1,7 +1,7 @@
 //! What was measured, in figures: JSON for scripts, a table for people.
 
-use super::{Cyclictest, Measured};
-use crate::manager::{Cause, LateTick};
+use super::{Cyclictest, Measured, Suffering};
+use crate::manager::{Cause, Counts, LateTick};
 use hilare_interfaces::latency::LatencyHistogram;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -80,6 +80,67 @@ pub struct Hop {
     pub ratio_iceoryx2: Micros,
 }
 
+/// What kept a process from its work.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Process {
+    /// Its box.
+    pub name: &'static str,
+    /// Over-budget steps, page faults, involuntary switches.
+    #[serde(flatten)]
+    pub counts: Counts,
+}
+
+/// What looking costs the tick.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Watched {
+    /// Processes that observed, by turns.
+    pub observers: usize,
+    /// How often one of them joined.
+    pub joins: u64,
+    /// Messages they read.
+    pub messages: u64,
+    /// Lateness of the tick.
+    pub tick: ByTurns,
+    /// Lateness of the bare loop, which observers can only reach by the processor.
+    pub bare_loop: ByTurns,
+    /// From the tick's waking until it has told everybody.
+    pub work: ByTurns,
+    /// From the steps until the command they lead to is out.
+    pub steps_to_command: ByTurns,
+}
+
+/// The same without and with observers, by turns in one run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ByTurns {
+    /// Nobody comes or goes.
+    pub without: Micros,
+    /// They come and go.
+    pub with: Micros,
+    /// The one over the other.
+    pub ratio: Micros,
+}
+
+impl ByTurns {
+    fn of(watched: &super::Watched, pick: fn(&Suffering) -> &LatencyHistogram) -> Self {
+        let [without, with] = [&watched.without, &watched.with].map(|side| Micros::of(pick(side)));
+        Self { without, with, ratio: with.over(without) }
+    }
+}
+
+impl Watched {
+    fn of(watched: &super::Watched) -> Self {
+        Self {
+            observers: watched.observers,
+            joins: watched.joins,
+            messages: watched.messages,
+            tick: ByTurns::of(watched, |side| &side.lateness),
+            bare_loop: ByTurns::of(watched, |side| &side.bare_loop),
+            work: ByTurns::of(watched, |side| &side.work),
+            steps_to_command: ByTurns::of(watched, |side| &side.cycle),
+        }
+    }
+}
+
 /// What the kernel granted the clock.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Granted {
@@ -113,6 +174,11 @@ pub struct Figures {
     pub work: Micros,
     /// How long commands were ready before the clock took them in.
     pub command_ready: Micros,
+    /// What observers cost, if there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub watched: Option<Watched>,
+    /// Every process of the robot.
+    pub processes: Vec<Process>,
     /// See [`Granted`].
     pub granted: Granted,
     /// Commands that came after their tick.
@@ -157,6 +223,12 @@ impl Figures {
             hops: hops.map(hop).collect(),
             work: Micros::of(&measured.robot.work),
             command_ready: Micros::of(&measured.robot.ready),
+            watched: measured.watched.as_ref().map(Watched::of),
+            processes: measured
+                .counts
+                .iter()
+                .map(|(role, counts)| Process { name: role.name(), counts: *counts })
+                .collect(),
             granted: Granted {
                 policy: if granted.fifo { "fifo" } else { "other" },
                 priority: granted.priority,
@@ -207,12 +279,48 @@ impl Figures {
             "\n{} commands late ({} within 50 ms of a stall of the bare loop, which stalled {} times)",
             self.commands_late, self.commands_late_beside_stalls, self.bare_stalls
         );
+        self.write_watched(&mut text);
+        self.write_processes(&mut text);
         let late: u64 = causes.iter().map(|(_, count)| count).sum();
         let _ = writeln!(text, "{late} ticks late by 0.1 ms or more");
         for (cause, count) in causes.iter().filter(|(_, count)| *count > 0) {
             let _ = writeln!(text, "  {count:>8}  {}", cause.label());
         }
         text
+    }
+}
+
+impl Figures {
+    fn write_watched(&self, text: &mut String) {
+        let Some(watched) = &self.watched else { return };
+        let _ = writeln!(
+            text,
+            "\n{} observers joined {} times by turns of seconds, and read {} messages",
+            watched.observers, watched.joins, watched.messages
+        );
+        for (title, turns) in [
+            ("lateness of the tick", &watched.tick),
+            ("lateness of the bare loop", &watched.bare_loop),
+            ("the tick's own work", &watched.work),
+            ("steps->command", &watched.steps_to_command),
+        ] {
+            let rows = [
+                ("nobody comes or goes", turns.without, 1),
+                ("observers come and go", turns.with, 1),
+                ("ratio", turns.ratio, 2),
+            ];
+            table(text, title, &rows);
+        }
+    }
+
+    fn write_processes(&self, text: &mut String) {
+        let heads = ["over budget", "page faults", "put aside"];
+        let _ = writeln!(text, "\n{:<34}{:>14}{:>14}{:>14}", "process", heads[0], heads[1], heads[2]);
+        for Process { name, counts } in &self.processes {
+            let Counts { over_budget, page_faults, involuntary_switches } = counts;
+            let _ =
+                writeln!(text, "  {name:<32}{over_budget:>14}{page_faults:>14}{involuntary_switches:>14}");
+        }
     }
 }
 

@@ -9,15 +9,17 @@ pub mod load;
 
 mod cyclictest;
 mod figures;
+mod observers;
 mod picture;
 
 pub use cyclictest::Cyclictest;
-pub use figures::{Figures, Hop, Micros, Tick};
+pub use figures::{Figures, Hop, Micros, Process, Tick};
+pub use observers::{Suffering, Watched};
 pub use picture::write_pictures;
 
 use crate::config::{System, Task};
 use crate::manager::children::this_program;
-use crate::manager::{Cause, Claim, Failure, Job, LateTick, Manager, Timings};
+use crate::manager::{Cause, Claim, Counts, Failure, Job, LateTick, Manager, Timings};
 use crate::shell::ClockKind;
 use crate::shell::mapped::{Mappable, Mapped};
 use crate::shell::realtime::Granted;
@@ -26,6 +28,7 @@ use hilare_interfaces::latency::LatencyHistogram;
 use hilare_interfaces::messages::{Mode, Waypoint};
 use hilare_interfaces::wires::Role;
 use load::Load;
+use observers::Turns;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -48,6 +51,10 @@ pub struct Measurement {
     pub seconds: f64,
     /// Beside a load.
     pub load: bool,
+    /// Observers that come and go, half of the time.
+    pub observers: usize,
+    /// With the recorder, as every run has it.
+    pub record: bool,
 }
 
 /// Hops of one kind, and all of them together.
@@ -73,6 +80,8 @@ pub struct Measured {
     pub futex: Hops,
     /// Bare iceoryx2 hops.
     pub iceoryx2: Hops,
+    /// With observers and without, if there were any.
+    pub watched: Option<Watched>,
     /// What cyclictest says, where it is installed.
     pub cyclictest: Option<Cyclictest>,
     /// What the step generator was granted.
@@ -87,6 +96,8 @@ pub struct Measured {
     pub late: Vec<LateTick>,
     /// How many each cause has.
     pub causes: [(Cause, u64); Cause::ALL.len()],
+    /// What kept the processes from their work.
+    pub counts: Vec<(Role, Counts)>,
     /// Time the host took away from the whole machine, s; as coarse as the kernel counts it.
     pub steal_s: f64,
 }
@@ -103,7 +114,7 @@ pub fn measure(
         task: Some(Task::Follow(laps(&system, what.seconds))),
         system,
         clock: ClockKind::Real,
-        record: true,
+        record: what.record,
         workers: crate::manager::join::Workers::Own,
     };
     let mut manager = Manager::start(claim, job, log)?;
@@ -123,7 +134,7 @@ fn beside(
 ) -> Result<Measured, Failure> {
     let fault = |error: std::io::Error| Failure::Fault(format!("bare processes: {error}"));
     let load = if what.load { Some(Load::start(what.seconds).map_err(fault)?) } else { None };
-    let bare = Bare::start(manager, &what.system).map_err(fault)?;
+    let mut bare = Bare::start(manager, &what.system, what.observers).map_err(fault)?;
     bare.await_ready(manager)?;
     pass(manager, WARM_UP, |_, _| {})?;
     let clock = what.system.realtime(Role::StepGenerator);
@@ -132,15 +143,21 @@ fn beside(
     bare.page.set_stage(Stage::Measuring);
     manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
     let mut late_commands = LateCommands::default();
+    let counts_before = manager.counts();
     let began = Instant::now();
+    let mut turns = Turns::new(what.observers, what.seconds, &manager.timings(), &bare.page);
     pass(manager, Duration::from_secs_f64(what.seconds), |manager, passed| {
         late_commands.look(manager, &bare.page);
+        turns.look(passed, || manager.timings(), &bare.page);
         step(passed);
     })?;
     // Both at the same time.
     bare.page.set_stage(Stage::Over);
     let robot = manager.timings();
     let seconds = began.elapsed().as_secs_f64();
+    let watched = turns.end(&robot, &bare.page);
+    let counts = since(manager.counts(), &counts_before);
+    bare.all_went_well()?;
     let (late, causes) = manager.late_ticks();
     Ok(Measured {
         seconds,
@@ -149,6 +166,7 @@ fn beside(
         bare_loop: bare.page.timing.taken.snapshot(),
         futex: Hops::of(&bare.page.futex),
         iceoryx2: Hops::of(&bare.page.iceoryx2),
+        watched,
         cyclictest: cyclictest.and_then(cyclictest::Started::end),
         granted: manager.clock_granted().unwrap_or_default(),
         commands_late: late_commands.seen,
@@ -156,8 +174,17 @@ fn beside(
         bare_stalls: bare.page.timing.late_count(),
         late: late.to_vec(),
         causes,
+        counts,
         steal_s: steal_s() - steal_before,
     })
+}
+
+/// What was counted meanwhile; a successor began at nothing.
+fn since(now: Vec<(Role, Counts)>, before: &[(Role, Counts)]) -> Vec<(Role, Counts)> {
+    let of = |role| {
+        before.iter().find(|(other, _)| *other == role).map_or(Counts::default(), |(_, counts)| *counts)
+    };
+    now.into_iter().map(|(role, counts)| (role, counts.since(of(role)))).collect()
 }
 
 /// Lets time pass.
@@ -213,14 +240,15 @@ struct Bare {
 }
 
 impl Bare {
-    fn start(manager: &Manager, system: &System) -> std::io::Result<Self> {
+    fn start(manager: &Manager, system: &System, observers: usize) -> std::io::Result<Self> {
         let mut bare = Self { page: Mapped::create()?, children: Vec::new() };
-        for part in Part::ALL {
+        for part in Part::BARE.into_iter().chain(std::iter::repeat_n(Part::Observer, observers)) {
             let role = match part {
                 Part::Loop | Part::Driver => Role::StepGenerator,
                 Part::Responder(1) => Role::PoseEstimator,
                 Part::Responder(2) => Role::WaypointSelector,
                 Part::Responder(_) => Role::Controller,
+                Part::Observer => Role::Recorder,
             };
             let wanted = system.realtime(role);
             let mut command: Command = this_program();
@@ -242,6 +270,30 @@ impl Bare {
             pass(manager, Duration::from_millis(20), |_, _| {})?;
             if Instant::now() > deadline {
                 return Err(Failure::Fault(format!("the bare processes did not start within {PATIENCE:?}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Bare {
+    /// The measurement is over: all leave, and none has failed.
+    fn all_went_well(&mut self) -> Result<(), Failure> {
+        let deadline = Instant::now() + PATIENCE;
+        for child in &mut self.children {
+            let ended = loop {
+                match child.try_wait() {
+                    Ok(Some(ended)) => break ended,
+                    Ok(None) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(2)),
+                    _ => {
+                        return Err(Failure::Fault(format!(
+                            "a bare process did not end within {PATIENCE:?}"
+                        )));
+                    }
+                }
+            };
+            if !ended.success() {
+                return Err(Failure::Fault("a bare process failed; what it says stands above".to_owned()));
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use super::control::{Call, Request, Response};
 use super::member::Duty;
 use super::status::Status;
-use super::{Manager, Newest, PendingGoal};
+use super::{Counts, Manager, Newest, PendingGoal};
 use crate::shell::page::SlotState;
 use crossbeam_channel::Sender;
 use hilare_interfaces::layout::WireField;
@@ -180,7 +180,11 @@ impl Manager {
                 .iter()
                 .enumerate()
                 .filter(|(_, member)| member.duty != Duty::Vacant)
-                .map(|(slot, member)| member.status(self.page.state(slot), steps.standby_answers > 0))
+                .map(|(slot, member)| {
+                    let pid = member.running.as_ref().map_or(0, |running| running.pid);
+                    let counts = Counts::of(&self.page, slot, pid);
+                    member.status(self.page.state(slot), steps.standby_answers > 0, counts)
+                })
                 .collect(),
         }
     }

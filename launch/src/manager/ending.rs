@@ -44,7 +44,8 @@ impl Manager {
 
     /// The recorder has read what there is, and the plant has told of it, before the writers go.
     fn await_recorder(&mut self) {
-        let target = self.newest.steps.tick;
+        // The tick after the arrival is the first that knows of it.
+        let target = self.newest.steps.tick.max(self.newest.reference.tick + 1);
         let deadline = Instant::now() + REST_PATIENCE;
         while self.page.least_progress(&[Role::Recorder, Role::Plant]) < target && Instant::now() < deadline {
             self.step(Duration::from_millis(2));

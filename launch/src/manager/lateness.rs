@@ -1,6 +1,7 @@
 //! Why ticks were late, as far as can be told from outside the tick.
 
 use super::Manager;
+use super::counts::page_faults;
 use crate::shell::page::SharedPage;
 use crate::shell::timing::LateWakeUp;
 use hilare_interfaces::block::Tick;
@@ -122,14 +123,6 @@ impl Account {
     }
 }
 
-/// Page faults of a process so far, minor and major, from its `/proc/PID/stat`.
-pub(super) fn page_faults(stat: &str) -> u64 {
-    // The name in parentheses may hold anything; minflt and majflt are the 8th and 10th after it.
-    let after = stat.rsplit_once(')').map_or("", |(_, after)| after);
-    let field = |n: usize| after.split_whitespace().nth(n).and_then(|text| text.parse::<u64>().ok());
-    field(7).unwrap_or(0) + field(9).unwrap_or(0)
-}
-
 /// Times of a launch so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timings {
@@ -202,13 +195,6 @@ mod tests {
         assert_eq!(causes(false, zero, Account { over_budget: 1, ..waited }), [Cause::AnotherBox]);
         assert_eq!(causes(false, zero, waited), [Cause::AnotherProgram]);
         assert_eq!(causes(false, zero, Account { waited_ns: 60_000, ..zero }), [Cause::Host]);
-    }
-
-    #[test]
-    fn faults_are_found_behind_any_name() {
-        let stat = "7 (a) b (c) S 1 2 3 4 5 6 70 8 9 10 11";
-        assert_eq!(page_faults(stat), 79);
-        assert_eq!(page_faults(""), 0);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! One worker as launch sees it.
 
+use super::Counts;
 use super::children::Running;
 use super::status::ProcessStatus;
 use crate::config::Driver;
@@ -145,7 +146,7 @@ impl Member {
     }
 
     /// As it is shown; `warm` if it stands by and has commands in time.
-    pub(super) fn status(&self, page_state: SlotState, warm: bool) -> ProcessStatus {
+    pub(super) fn status(&self, page_state: SlotState, warm: bool, counts: Counts) -> ProcessStatus {
         let state = match (&self.running, page_state) {
             (None, _) if self.invitation.is_some() => "awaited",
             (None, _) => "dead",
@@ -177,6 +178,7 @@ impl Member {
             restarts: self.restarts,
             authority: self.role == Role::Controller && self.duty == Duty::Work,
             granted: self.granted().map_or(String::new(), |granted| granted_text(&granted)),
+            counts,
         }
     }
 

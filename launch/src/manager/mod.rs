@@ -11,6 +11,7 @@ pub mod robot_dir;
 pub mod status;
 
 mod calls;
+mod counts;
 mod crew;
 mod ending;
 mod lateness;
@@ -29,13 +30,14 @@ use crate::shell::transport::{
     Domain, HeldServices, Input, Janitor, Output, SliceOutput, Sweeper, TransportError,
 };
 use control::{Call, Response};
+pub use counts::Counts;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
     Answer, Authority, Drive, GoalHeader, Health, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
 };
-use hilare_interfaces::wires::{self, Role};
+use hilare_interfaces::wires::{self, Role, watch};
 use join::Workers;
 pub use lateness::{Cause, LateTick, Timings};
 use member::{Duty, Member};
@@ -421,9 +423,9 @@ impl Ports {
             goal: domain.slice_output(&wires::GOAL)?,
             answer: domain.input(&wires::ANSWER)?,
             health: domain.input(&wires::HEALTH)?,
-            steps: domain.newest(&wires::STEPS)?,
-            pose: domain.newest(&wires::POSE)?,
-            reference: domain.newest(&wires::REFERENCE)?,
+            steps: domain.newest(&watch::STEPS)?,
+            pose: domain.newest(&watch::POSE)?,
+            reference: domain.newest(&watch::REFERENCE)?,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! What `hilare status` shows.
 
+use super::Counts;
 use crate::logging::plain;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -69,6 +70,9 @@ pub struct ProcessStatus {
     pub authority: bool,
     /// What the kernel granted: `fifo:80 cpu:1 mlock`; empty for nothing.
     pub granted: String,
+    /// What has kept it from its work.
+    #[serde(flatten)]
+    pub counts: Counts,
 }
 
 /// JSON has `null` for what is no number, which a worker gone wrong may have put on its wire.

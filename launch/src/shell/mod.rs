@@ -8,6 +8,7 @@
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
 //! * [`build`]: boxes from a system file,
 //! * [`boxes`], [`planning`], [`observer`], [`pairing`]: which messages each box is stepped with,
+//! * [`relay`]: the wires repeated for those who only look,
 //! * [`clock`]: the step generator's process, which is the clock: `real` and `lockstep`,
 //! * [`in_process`]: all boxes in one thread.
 
@@ -22,6 +23,7 @@ pub mod page;
 pub mod pairing;
 pub mod planning;
 pub mod realtime;
+pub mod relay;
 pub mod timing;
 pub mod told;
 pub mod transport;

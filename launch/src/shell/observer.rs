@@ -1,10 +1,10 @@
-//! The recorder's process: reads every wire of the tick, disturbs none.
+//! The recorder's process: reads what the relay repeats, disturbs nobody.
 
 use super::boxes::observer_interval;
 use super::transport::Input;
 use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::messages::{Pose, Reference, Steps, Truth};
-use hilare_interfaces::wires;
+use hilare_interfaces::wires::watch;
 use hilare_recorder::RunRecord;
 use hilare_recorder::assembler::Assembler;
 use hilare_recorder::statistics::RunFigures;
@@ -42,10 +42,10 @@ impl RecorderProcess {
     pub fn new(worker: &Worker) -> Result<Self, String> {
         let period_ticks = worker.system.timing.period_ticks;
         Ok(Self {
-            steps: worker.domain.input(&wires::STEPS)?,
-            pose: worker.domain.input(&wires::POSE)?,
-            truth: worker.domain.input(&wires::TRUTH)?,
-            reference: worker.domain.input(&wires::REFERENCE)?,
+            steps: worker.domain.input(&watch::STEPS)?,
+            pose: worker.domain.input(&watch::POSE)?,
+            truth: worker.domain.input(&watch::TRUTH)?,
+            reference: worker.domain.input(&watch::REFERENCE)?,
             assembler: Assembler::new(period_ticks),
             record: RunRecord::new(period_ticks),
             trace_file: worker.assignment.runtime_dir.join(TRACE_FILE),
@@ -57,17 +57,15 @@ impl RecorderProcess {
 
 impl Reactive for RecorderProcess {
     fn poll(&mut self, _worker: &mut Worker) -> bool {
-        while let Some(steps) = self.steps.next() {
-            self.report.tick = steps.tick;
-            self.assembler.push_steps(steps);
-        }
+        std::iter::from_fn(|| self.steps.next()).for_each(|steps| self.assembler.push_steps(steps));
         std::iter::from_fn(|| self.pose.next()).for_each(|pose| self.assembler.push_pose(pose));
         std::iter::from_fn(|| self.truth.next()).for_each(|truth| self.assembler.push_truth(truth));
         std::iter::from_fn(|| self.reference.next())
             .for_each(|reference| self.assembler.push_reference(reference));
         let record = &mut self.record;
         self.assembler.drain(|tick| record.push(tick));
-        self.report.steps = self.assembler.done();
+        self.report.tick = self.assembler.done();
+        self.report.steps = self.report.tick;
         self.report.rejected = self.assembler.gaps();
         // Looked at by interval, so that a busy wire does not keep it awake.
         false

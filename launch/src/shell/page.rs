@@ -76,7 +76,7 @@ pub struct Page {
     phase: AtomicU32,
     news: [AtomicU32; 2],
     /// Bit set of slots for each role.
-    members: [AtomicU64; 8],
+    members: [AtomicU64; Role::WORKERS.len() + 1],
     slots: [Slot; MAX_SLOTS],
     areas: [Area; MAX_SLOTS],
     timings: [Timing; MAX_SLOTS],

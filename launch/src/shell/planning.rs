@@ -51,7 +51,7 @@ impl PlannerProcess {
         Ok(Self {
             navigator,
             goal: worker.domain.slice_input(&wires::GOAL)?,
-            pose: worker.domain.newest(&wires::POSE)?,
+            pose: worker.domain.newest(&wires::watch::POSE)?,
             path: worker.domain.slice_output(&wires::PATH)?,
             answer: worker.domain.output(&wires::ANSWER)?,
             robot: system.start.position(),

@@ -33,7 +33,9 @@ use std::path::Path as FsPath;
 type Ipc = ipc::Service;
 
 /// Processes that may take part: workers, launch, observers.
-const MAX_NODES: usize = 32;
+const MAX_NODES: usize = 128;
+/// Readers a wire of the relay may have beside those of the table.
+const MAX_OBSERVERS: usize = 64;
 /// Name of the iceoryx2 configuration in a robot's runtime directory.
 pub const CONFIG_FILE: &str = "iceoryx2.toml";
 
@@ -137,7 +139,7 @@ impl Domain {
     /// Launch: creates every service and holds them, before any worker joins.
     pub fn create_services(&self) -> Result<HeldServices, TransportError> {
         use hilare_interfaces::messages as m;
-        use hilare_interfaces::wires as w;
+        use hilare_interfaces::wires::{self as w, watch};
         // iceoryx2 opens its counter of nodes to everybody, by fchmod, whatever the umask.
         private::close_shm_to_others(&self.node.config().global.prefix.to_string())
             .map_err(TransportError)?;
@@ -155,6 +157,15 @@ impl Domain {
                 Box::new(self.create::<m::Health>(&w::HEALTH)?),
                 Box::new(self.create_slice::<m::GoalHeader, m::Waypoint>(&w::GOAL)?),
                 Box::new(self.create_slice::<m::PathHeader, m::Waypoint>(&w::PATH)?),
+                Box::new(self.create_slice::<m::PathHeader, m::Waypoint>(&watch::PATH)?),
+                Box::new(self.create::<m::Reference>(&watch::REFERENCE)?),
+                Box::new(self.create::<m::Command>(&watch::COMMAND)?),
+                Box::new(self.create::<m::Authority>(&watch::AUTHORITY)?),
+                Box::new(self.create::<m::Steps>(&watch::STEPS)?),
+                Box::new(self.create::<m::Wheels>(&watch::WHEELS)?),
+                Box::new(self.create::<m::PoseFix>(&watch::FIX)?),
+                Box::new(self.create::<m::Pose>(&watch::POSE)?),
+                Box::new(self.create::<m::Truth>(&watch::TRUTH)?),
             ],
         })
     }
@@ -278,7 +289,7 @@ pub const fn max_publishers(wire: &Wire) -> usize {
 }
 
 fn max_subscribers(wire: &Wire) -> usize {
-    wire.to.len() + 8
+    wire.to.len() + if wire.is_watch() { MAX_OBSERVERS } else { 8 }
 }
 
 /// Name of a wire's service.

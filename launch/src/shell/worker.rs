@@ -137,6 +137,7 @@ pub trait Reactive {
 pub const fn memory_rank(role: Role) -> i32 {
     match role {
         Role::Recorder => 600,
+        Role::Relay => 450,
         Role::Planner => 300,
         _ => -500,
     }

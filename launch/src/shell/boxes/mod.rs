@@ -19,6 +19,14 @@ fn is_new(done: Option<Tick>, tick: Tick) -> bool {
     done.is_none_or(|done| tick > done)
 }
 
+/// How long the relay sleeps between two looks.
+pub fn relay_interval(clock: ClockKind) -> Duration {
+    match clock {
+        ClockKind::Real => Duration::from_millis(5),
+        ClockKind::Lockstep | ClockKind::InProcess => observer_interval(clock),
+    }
+}
+
 /// How long an observer sleeps between two looks.
 pub fn observer_interval(clock: ClockKind) -> Duration {
     match clock {
