@@ -36,16 +36,24 @@ SCHEDULES = (
     ("the controller on the other core", on(0, "controller")),
     ("the clock alone on the last core, the rest on the other", on(0, *ON_THE_TICK[1:])),
     ("estimator and clock on the last core, the rest on the other", on(0, *ON_THE_TICK[2:])),
+    ("time-triggered: estimator, selector, controller look 60, 100 and 150 µs after the tick",
+     ["wake_up.pose_estimator_us=60", "wake_up.waypoint_selector_us=100", "wake_up.controller_us=150"]),
+    ("time-triggered: 150, 250 and 350 µs after the tick",
+     ["wake_up.pose_estimator_us=150", "wake_up.waypoint_selector_us=250", "wake_up.controller_us=350"]),
     ("all of one priority", priority(80, *ON_THE_TICK)),
     ("not pinned", on(-2, *ON_THE_TICK)),
     ("not pinned, without real time", on(-2, *ON_THE_TICK) + priority(0, *ON_THE_TICK)),
 )
 
 
-def measure(name, seconds, load, keys, out):
+# Processes that come and go every 0.1 s, half of the time.
+OBSERVERS = 12
+
+
+def measure(name, seconds, out, *options, keys=()):
     directory = out / name
     command = [HILARE, "latency", "--json", "--seconds", str(seconds), "--robot", f"timing{os.getpid()}"]
-    command += ["--out", directory] + (["--load"] if load else [])
+    command += ["--out", directory, *options]
     for key in keys:
         command += ["--set", key]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -115,6 +123,14 @@ def section(title, runs):
     for run in runs:
         for cause, count in run["causes"].items():
             causes[cause] = causes.get(cause, 0) + count
+    counts = {}
+    for run in runs:
+        for process in run["processes"]:
+            of = counts.setdefault(process["name"], [0, 0, 0])
+            for n, count in enumerate(("over_budget", "page_faults", "involuntary_switches")):
+                of[n] += process[count]
+    lines += ["", "| process | steps over budget | page faults | involuntary switches |", "|---|---|---|---|"]
+    lines += [f"| {name} | {of[0]} | {of[1]} | {of[2]} |" for name, of in counts.items()]
     lines += ["", "Steps to command against as many bare futex hops: "
               + verdict(runs, whole("ratio"), {"p99": 1.5})
               + f" The whole way takes {cycle / 50:.1f} % of a control period of 5 ms at p99. "
@@ -123,6 +139,28 @@ def section(title, runs):
               "Ticks late by 0.1 ms or more: "
               + ("; ".join(f"{count}: {cause}" for cause, count in causes.items() if count) or "none") + ".", ""]
     return lines
+
+
+def looking(alone, recorded, watched):
+    """What those who look cost the tick; `watched` holds turns with and without observers in each run."""
+    joins = sum(run["watched"]["joins"] for run in watched)
+    messages = sum(run["watched"]["messages"] for run in watched)
+    lines = ["### Looked at", "",
+             f"In turn with the idle runs: as many with no recorder, and as many in which {OBSERVERS} more processes read the "
+             f"relay's wires at full rate, joining and leaving every 0.1 s, every other five seconds: {joins} joins, "
+             f"{messages} messages read. µs.", "", HEAD]
+    tick = lambda run: run["tick"]["ours"]
+    turns = lambda kind, side: lambda run: run["watched"][kind][side]
+    lines += [row("tick, no recorder, nobody looks", alone, tick, 1), row("tick, recorder", recorded, tick, 1),
+              row(f"tick, recorder, {OBSERVERS} observers away", watched, turns("tick", "without"), 1),
+              row(f"tick, recorder, {OBSERVERS} observers come and go", watched, turns("tick", "with"), 1),
+              row("ratio of the last two", watched, turns("tick", "ratio"), 2),
+              row("the same ratio of the bare loop", watched, turns("bare_loop", "ratio"), 2)]
+    for title, kind in (("the tick's own work", "work"), ("steps->command", "steps_to_command")):
+        lines += [row(f"{title}, observers away", watched, turns(kind, "without"), 1),
+                  row(f"{title}, observers come and go", watched, turns(kind, "with"), 1),
+                  row("ratio", watched, turns(kind, "ratio"), 2)]
+    return lines + ["", "What the bare loop's ratio has above 1, the observers' own processor time costs any program.", ""]
 
 
 def machine():
@@ -137,7 +175,7 @@ Written by `benches/timing/run`; every number here is of the machine below, and 
 
 ## Method
 
-`hilare latency` runs a whole robot (six processes over iceoryx2, recorder included) in real time. On the same core, with
+`hilare latency` runs a whole robot (eight processes over iceoryx2, recorder included) in real time. On the same core, with
 the same priorities, in the same milliseconds and half a tick apart run a bare loop that sleeps until an absolute time, as
 cyclictest does, and chains of three bare hops: futexes in shared memory and iceoryx2's own publish-subscribe with its event.
 The three who answer have the priorities of pose estimator, waypoint selector and controller. A ratio is taken
@@ -180,17 +218,20 @@ def main():
     parser.add_argument("--report", type=Path, default=Path("docs/timing.md"))
     args = parser.parse_args()
     out = Path("target/timing")
-    idle, loaded = [], []
+    idle, loaded, alone, watched = [], [], [], []
     for number in range(1, args.rounds + 1):
-        idle.append(measure(f"idle-{number}", args.seconds, False, [], out))
-        loaded.append(measure(f"loaded-{number}", args.seconds, True, [], out))
-    tried = [(name, measure(f"schedule-{number}", args.schedule_seconds, False, keys, out))
+        idle.append(measure(f"idle-{number}", args.seconds, out))
+        loaded.append(measure(f"loaded-{number}", args.seconds, out, "--load"))
+        alone.append(measure(f"alone-{number}", args.seconds, out, "--no-recorder"))
+        watched.append(measure(f"watched-{number}", args.seconds, out, "--observers", str(OBSERVERS)))
+    tried = [(name, measure(f"schedule-{number}", args.schedule_seconds, out, keys=keys))
              for number, (name, keys) in enumerate(SCHEDULES)]
     granted = idle[0]["granted"]
     text = [METHOD, "## Machine", "",
             f"{machine()}. The clock was granted {granted['policy']} {granted['priority']}, cpu {granted['cpu']}, "
             f"{'memory locked' if granted['mlock'] else 'memory not locked'}.", "", "## Figures", ""]
-    text += section("Idle", idle) + section("Every core loaded", loaded) + schedules(tried) + [LIMITS]
+    text += section("Idle", idle) + section("Every core loaded", loaded)
+    text += looking(alone, idle, watched) + schedules(tried) + [LIMITS]
     args.report.write_text("\n".join(text))
     print(f"{args.report}; raw histograms and pictures: {out}")
 

@@ -74,12 +74,18 @@ param_group! {
 }
 
 param_group! {
-    /// What is done so that the clock wakes in time. Both cost processor time.
+    /// What is done so that processes wake in time. Spinning and keeping awake cost processor time.
     WakeUp {
         /// The clock wakes this much before its tick and spins until then; the kernel's budget for real time is far.
         spin_us: u64 = 0, "us", 0, 200;
         /// A thread that runs only when nothing else does keeps the clock's processor from sleeping.
         keep_awake: bool = false, "", 0, 1;
+        /// The pose estimator looks for steps so long after each tick; 0: the steps wake it.
+        pose_estimator_us: u64 = 0, "us", 0, 999;
+        /// The waypoint selector looks for a pose so long after each tick; 0: the pose wakes it.
+        waypoint_selector_us: u64 = 0, "us", 0, 999;
+        /// The controller looks for a reference so long after each tick; 0: the reference wakes it.
+        controller_us: u64 = 0, "us", 0, 999;
     }
 }
 

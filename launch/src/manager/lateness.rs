@@ -171,7 +171,7 @@ impl Manager {
 
     /// When in a millisecond of CLOCK_MONOTONIC the clock ticks, ns; known once it is at work.
     pub fn phase_ns(&self) -> u64 {
-        self.slot_at_work(Role::StepGenerator).map_or(0, |slot| self.page.timing(slot).phase_ns())
+        self.page.clock_phase_ns()
     }
 }
 

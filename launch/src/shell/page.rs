@@ -176,6 +176,11 @@ impl Page {
         self.members(role).find_map(|slot| self.timing(slot).since(tick, now_ns))
     }
 
+    /// When the clock ticks, from the beginning of any millisecond of CLOCK_MONOTONIC.
+    pub fn clock_phase_ns(&self) -> u64 {
+        self.members(Role::StepGenerator).next().map_or(0, |slot| self.timing(slot).phase_ns())
+    }
+
     /// Slots of a role.
     pub fn members(&self, role: Role) -> impl Iterator<Item = usize> + use<> {
         let members = self.members[role as usize].load(Ordering::Relaxed);

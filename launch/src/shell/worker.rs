@@ -7,6 +7,7 @@
 
 use super::ClockKind;
 use super::checkpoint::StateRoom;
+use super::clock::sleep_until_ns;
 use super::page::{Phase, SharedPage, SlotState, monotonic_ns};
 use super::realtime::{self, CpuChoice, Request};
 use super::timing::Timing;
@@ -310,12 +311,25 @@ impl Worker {
         });
     }
 
+    /// How long after each tick this box looks at its wires, if it is not its messages that wake it.
+    fn looks_by_time(&self) -> Option<u64> {
+        let wake_up = &self.system.wake_up;
+        let after_us = match self.assignment.role {
+            Role::PoseEstimator => wake_up.pose_estimator_us,
+            Role::WaypointSelector => wake_up.waypoint_selector_us,
+            Role::Controller => wake_up.controller_us,
+            _ => 0,
+        };
+        (after_us > 0 && self.assignment.clock == ClockKind::Real).then_some(after_us * 1000)
+    }
+
     /// Hosts a box until the end.
     pub fn host(mut self, mut hosted: impl Reactive) -> Result<(), String> {
         if !self.go(|| hosted.connect()) {
             return Ok(());
         }
         let slot = self.assignment.slot;
+        let by_time = self.looks_by_time();
         while !self.leaving() {
             let seen = self.page.bell(slot);
             let start_ns = monotonic_ns();
@@ -334,7 +348,9 @@ impl Worker {
             }
             // Nothing else before it sleeps: on a shared core whoever it woke waits for that. What has come
             // meanwhile has rung.
-            if hosted.is_woken() {
+            if let Some(after_ns) = by_time {
+                sleep_until_ns(next_look_ns(monotonic_ns(), self.page.clock_phase_ns() + after_ns));
+            } else if hosted.is_woken() {
                 self.page.wait(slot, seen, hosted.poll_interval());
             } else {
                 std::thread::sleep(hosted.poll_interval());
@@ -346,5 +362,27 @@ impl Worker {
         let state = if finished.is_ok() { HealthState::Ready } else { HealthState::Fault };
         self.beat(&Report { state, ..hosted.report() });
         finished
+    }
+}
+
+/// The next time after `now_ns` at a phase of the tick.
+fn next_look_ns(now_ns: u64, phase_ns: u64) -> u64 {
+    const TICK_NS: u64 = 1_000_000;
+    let phase_ns = phase_ns % TICK_NS;
+    (now_ns + TICK_NS - phase_ns) / TICK_NS * TICK_NS + phase_ns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_look_ns;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_next_look_is_within_a_tick_and_at_its_phase(now in 0u64..1 << 50, phase in 0u64..3_000_000) {
+            let next = next_look_ns(now, phase);
+            prop_assert!(next > now && next <= now + 1_000_000);
+            prop_assert_eq!(next % 1_000_000, phase % 1_000_000);
+        }
     }
 }
