@@ -83,6 +83,12 @@ pub unsafe trait WireMessage: WireField {
     const LAYOUT: Layout;
     /// Hash over the name and the fields.
     const LAYOUT_HASH: u64 = layout_hash(Self::NAME, Self::FIELDS);
+
+    /// The message as it lies in memory, which its layout describes.
+    fn as_bytes(&self) -> &[u8] {
+        // SAFETY: repr(C) without padding, so every byte of it is initialized.
+        unsafe { core::slice::from_raw_parts(core::ptr::from_ref(self).cast(), size_of::<Self>()) }
+    }
 }
 
 const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {

@@ -5,6 +5,7 @@
 //! * [`manager`]: what makes processes a robot.
 //! * [`latency`]: how punctual it all is.
 //! * [`report`]: what a run came to.
+//! * [`topic`]: what the wires carry, for people.
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`cli`]: the `hilare` command.
 //! * `private`: what belongs to one user alone, in places that belong to everybody.
@@ -18,3 +19,4 @@ mod private;
 pub mod report;
 pub mod shell;
 pub mod systemd;
+pub mod topic;

@@ -6,11 +6,13 @@ use crate::private::{foreign, private_dir, shm_names};
 use crate::shell::realtime::FifoRefusal;
 use crate::shell::transport::shm_prefix;
 use clap::Args;
+use rustix::fs::statfs;
 use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::net::UnixListener;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Options of `hilare doctor`.
@@ -165,6 +167,15 @@ fn runtime_dir() -> Finding {
     let writable =
         private_dir(&base).and_then(|()| fs::write(&probe, b"")).and_then(|()| fs::remove_file(&probe));
     match writable {
+        Ok(()) if on_disk(&base) => finding(
+            "runtime dir",
+            Verdict::Warning,
+            format!(
+                "{} lies on a disk, whose work delays the tick whenever a process comes or goes",
+                base.display()
+            ),
+            "point HILARE_RUNTIME_DIR to a directory of your own on a tmpfs, such as /dev/shm",
+        ),
         Ok(()) => finding("runtime dir", Verdict::Good, base.display().to_string(), ""),
         Err(error) => finding(
             "runtime dir",
@@ -173,6 +184,14 @@ fn runtime_dir() -> Finding {
             "set HILARE_RUNTIME_DIR to a directory of your own",
         ),
     }
+}
+
+/// True unless a directory's files are in memory alone.
+fn on_disk(dir: &Path) -> bool {
+    // linux/magic.h
+    const TMPFS: i64 = 0x0102_1994;
+    const RAMFS: i64 = 0x8584_58f6;
+    statfs(dir).is_ok_and(|found| ![TMPFS, RAMFS].contains(&found.f_type))
 }
 
 /// The control socket's path must fit into a socket address, and binding must work.

@@ -15,6 +15,7 @@ mod plan;
 mod run;
 mod service;
 mod systemd;
+mod topic;
 mod up;
 
 use crate::manager::Failure;
@@ -115,6 +116,12 @@ enum Verb {
         after_help = "Examples:\n  hilare latency\n  hilare latency --seconds 600 --load --out runs/latency\nExit codes: 0 measured, 1 fault, 2 wrong use."
     )]
     Latency(latency::LatencyArgs),
+    /// List, print and count what the wires carry
+    #[command(
+        after_help = "Examples:\n  hilare topic list\n  hilare topic echo pose --rate 2\n  hilare topic hz steps --seconds 5\n\
+        Exit codes: 0 done, 1 the robot went down first, 2 wrong use."
+    )]
+    Topic(topic::TopicArgs),
     /// Print the block diagram the wires are built from
     #[command(
         after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
@@ -172,6 +179,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
+        Some(Verb::Topic(args)) => topic::topic(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
@@ -216,14 +224,15 @@ type VerbResult = Result<ExitCode, Failure>;
 
 /// Prints to standard output. A reader that went away is no fault of ours; a full disk is one, and
 /// whoever waits for the output must not take it for complete.
-fn print(text: &str) {
+/// False if nobody reads standard output any more.
+fn print(text: &str) -> bool {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             let _ = writeln!(io::stderr(), "hilare: standard output: {error}");
             std::process::exit(1);
         }
-        _ => {}
+        wrote => wrote.is_ok(),
     }
 }
 

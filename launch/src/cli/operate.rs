@@ -16,10 +16,10 @@ use std::time::{Duration, Instant};
 pub struct RobotArgs {
     /// Its name [default: the one robot that is up]
     #[arg(long, value_name = "NAME")]
-    robot: Option<String>,
+    pub(super) robot: Option<String>,
     /// Answer in JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// Options of `hilare follow`.
@@ -64,7 +64,7 @@ pub struct SwapArgs {
     robot: RobotArgs,
 }
 
-fn choose(robot: Option<&String>) -> Result<Living, Failure> {
+pub(super) fn choose(robot: Option<&String>) -> Result<Living, Failure> {
     // A runtime directory of one's own is there to have robots of one's own.
     let here = std::env::var_os("HILARE_RUNTIME_DIR").filter(|_| robot.is_none());
     let mut living = living_robots();

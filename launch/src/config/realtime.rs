@@ -6,7 +6,7 @@ use hilare_interfaces::wires::Role;
 /// CPU and real-time priority of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Realtime {
-    /// CPU number; −1 the last one of the machine, −2 not pinned.
+    /// CPU number; −1 the last one of the machine, −2 not pinned, −3 every one but the last.
     pub cpu: i64,
     /// SCHED_FIFO priority; 0 is not real-time.
     pub priority: u64,
@@ -14,6 +14,7 @@ pub struct Realtime {
 
 const LAST_CPU: i64 = -1;
 const NOT_PINNED: i64 = -2;
+const ALL_BUT_LAST: i64 = -3;
 const ROLES: usize = Role::WORKERS.len();
 
 /// What a role has when its section is absent. The clock preempts all; then who is nearer to it in the
@@ -26,7 +27,9 @@ const fn defaults(role: Role) -> Realtime {
         Role::WaypointSelector => 65,
         Role::Controller => 60,
         Role::Plant => 55,
-        Role::Planner | Role::Relay | Role::Recorder | Role::Launch => return Realtime::UNBOUND,
+        // Files and mappings keep the kernel busy where the clock cannot interrupt it.
+        Role::Relay | Role::Recorder => return Realtime { cpu: ALL_BUT_LAST, priority: 0 },
+        Role::Planner | Role::Launch => return Realtime::UNBOUND,
     };
     Realtime { cpu: LAST_CPU, priority }
 }
@@ -38,9 +41,9 @@ const fn specs_of(role: Role) -> [ParamSpec; 2] {
         kind: ParamKind::Integer,
         unit: "",
         default: default.cpu as f64,
-        min: NOT_PINNED as f64,
+        min: ALL_BUT_LAST as f64,
         max: 1023.0,
-        doc: " CPU of the process; -1 the machine's last one, -2 not pinned.",
+        doc: " CPU of the process; -1 the machine's last one, -2 not pinned, -3 all but the last.",
     };
     let priority = ParamSpec {
         name: "priority",

@@ -142,7 +142,7 @@ fn wrong_values_say_what_is_wanted() {
             "[plant]\nseed = 9007199254740992",
             "2: plant.seed: 9007199254740992 is outside 0 to 9007199254740991",
         ),
-        ("[realtime.plant]\ncpu = -3", "2: realtime.plant.cpu: -3 is outside -2 to 1023"),
+        ("[realtime.plant]\ncpu = -4", "2: realtime.plant.cpu: -4 is outside -3 to 1023"),
         ("[supervision]\narm_on_start = 1", "2: supervision.arm_on_start: the number 1 is not true or false"),
         (
             "[start]\ntheta_rad = 90",
@@ -354,8 +354,11 @@ fn processes_on_the_tick_are_real_time_on_the_last_cpu() {
     for (role, priority) in order.into_iter().zip([80, 70, 65, 60, 55]) {
         assert_eq!(epuck.realtime(role), Realtime { cpu: -1, priority });
     }
-    for role in [Role::Planner, Role::Recorder, Role::Launch] {
+    for role in [Role::Planner, Role::Launch] {
         assert_eq!(epuck.realtime(role), Realtime::UNBOUND);
+    }
+    for role in [Role::Relay, Role::Recorder] {
+        assert_eq!(epuck.realtime(role), Realtime { cpu: -3, priority: 0 });
     }
 }
 

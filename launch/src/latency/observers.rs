@@ -2,6 +2,7 @@
 
 use super::bare::{BarePage, Stage};
 use crate::manager::Timings;
+use crate::shell::realtime;
 use crate::shell::transport::{Domain, Input, TransportError};
 use hilare_interfaces::latency::LatencyHistogram;
 use hilare_interfaces::layout::WireMessage;
@@ -148,6 +149,7 @@ impl Observer {
 
 /// An observer's process: joins the robot, looks for a tenth of a second, leaves, again and again.
 pub(super) fn come_and_go(page: &BarePage, runtime_dir: &Path) -> Result<(), String> {
+    realtime::leave_the_control_path();
     page.note_ready();
     while page.stage() != Stage::Over {
         if !page.observed() {

@@ -43,7 +43,8 @@ impl fmt::Display for ClaimError {
 
 impl std::error::Error for ClaimError {}
 
-/// Where all robots of this user have their directories.
+/// Where all robots of this user have their directories: never on a disk by default, because the work of a disk
+/// delays the tick, and who joins or leaves makes files.
 pub fn base_dir() -> PathBuf {
     if let Some(dir) = std::env::var_os("HILARE_RUNTIME_DIR") {
         return dir.into();
@@ -52,7 +53,7 @@ pub fn base_dir() -> PathBuf {
     let ours = |dir: &Path| fs::metadata(dir).is_ok_and(|found| found.is_dir() && found.uid() == euid());
     match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| ours(Path::new(dir))) {
         Some(dir) => Path::new(&dir).join("hilare"),
-        None => PathBuf::from(format!("/tmp/hilare-{}", euid())),
+        None => PathBuf::from(format!("/dev/shm/hilare-{}", euid())),
     }
 }
 

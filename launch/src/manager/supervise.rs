@@ -10,8 +10,8 @@ use hilare_interfaces::wires::Role;
 use std::time::{Duration, Instant};
 use tracing::{error, info, warn};
 
-/// A planner may think for a while between two signs of life.
-const PLANNERS_PATIENCE: u32 = 10;
+/// A planner may think for a while between two signs of life, and whoever repeats for others waits for a busy machine.
+const PATIENCE_OFF_THE_LOOP: u32 = 10;
 
 impl Manager {
     pub(super) fn died(&mut self, slot: usize, incarnation: u64, how: &str) {
@@ -178,7 +178,7 @@ impl Manager {
             let silent = member.look(sign);
             let patience = match member.role {
                 _ if starting => looks(START_PATIENCE.as_secs_f64()),
-                Role::Planner => looks(patience_s) * PLANNERS_PATIENCE,
+                Role::Planner | Role::Relay => looks(patience_s) * PATIENCE_OFF_THE_LOOP,
                 _ => looks(patience_s),
             };
             // An observer that hangs harms nobody, and has the figures. A trial is judged elsewhere.

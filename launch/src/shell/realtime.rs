@@ -35,6 +35,8 @@ pub struct Request {
 pub enum CpuChoice {
     /// Any.
     Any,
+    /// Every one this process may use but the last; that one, if there is no other.
+    AllButLast,
     /// The last one this process may use.
     Last,
     /// This one.
@@ -42,11 +44,12 @@ pub enum CpuChoice {
 }
 
 impl CpuChoice {
-    /// From the key `cpu` of a system file: −2 any, −1 the last, else a number.
+    /// From the key `cpu` of a system file: −3 all but the last, −2 any, −1 the last, else a number.
     pub fn from_key(cpu: i64) -> Self {
         match usize::try_from(cpu) {
             Ok(cpu) => Self::Number(cpu),
             Err(_) if cpu == -1 => Self::Last,
+            Err(_) if cpu == -3 => Self::AllButLast,
             Err(_) => Self::Any,
         }
     }
@@ -72,9 +75,7 @@ pub fn apply(request: Request) {
         let future = if may_lock_everything() { MlockAllFlags::FUTURE } else { MlockAllFlags::empty() };
         let _ = mlockall(MlockAllFlags::CURRENT | future);
     }
-    if let Some(cpu) = chosen_cpu(request.cpu) {
-        let mut set = CpuSet::new();
-        set.set(cpu);
+    if let Some(set) = chosen_cpus(request.cpu) {
         let _ = sched_setaffinity(None, &set);
     }
     if request.priority > 0 {
@@ -91,11 +92,15 @@ pub fn may_lock_everything() -> bool {
 
 /// Moves another process of this user to a processor; where that is not allowed it stays.
 pub fn place(pid: Pid, choice: CpuChoice) {
-    if let Some(cpu) = chosen_cpu(choice) {
-        let mut set = CpuSet::new();
-        set.set(cpu);
+    if let Some(set) = chosen_cpus(choice) {
         let _ = sched_setaffinity(Some(pid), &set);
     }
+}
+
+/// Takes the calling thread off the processor on which the control path runs by default. What maps and unmaps
+/// memory, or makes files, keeps the kernel busy where no real-time process can interrupt it.
+pub fn leave_the_control_path() {
+    apply(Request { priority: 0, cpu: CpuChoice::AllButLast, lock_memory: false });
 }
 
 /// A processor this process may use other than a chosen one; `None` if nothing is chosen or there is none.
@@ -110,11 +115,23 @@ fn bound_cpu(pid: Option<Pid>) -> Option<u64> {
     (0..CpuSet::MAX_CPU).find(|cpu| set.is_set(*cpu)).map(|cpu| cpu as u64)
 }
 
-/// The processor a choice comes to, of those this process may use.
+/// The processors a choice comes to; `None` leaves them as they are.
+fn chosen_cpus(choice: CpuChoice) -> Option<CpuSet> {
+    if let CpuChoice::AllButLast = choice {
+        let mut rest = sched_getaffinity(None).ok()?;
+        rest.unset(chosen_cpu(CpuChoice::Last)?);
+        return (rest.count() > 0).then_some(rest);
+    }
+    let mut one = CpuSet::new();
+    one.set(chosen_cpu(choice)?);
+    Some(one)
+}
+
+/// The one processor a choice comes to, of those this process may use.
 pub fn chosen_cpu(choice: CpuChoice) -> Option<usize> {
     let allowed = sched_getaffinity(None).ok()?;
     match choice {
-        CpuChoice::Any => None,
+        CpuChoice::Any | CpuChoice::AllButLast => None,
         CpuChoice::Number(cpu) => (cpu < CpuSet::MAX_CPU && allowed.is_set(cpu)).then_some(cpu),
         CpuChoice::Last => (0..CpuSet::MAX_CPU).rev().find(|cpu| allowed.is_set(*cpu)),
     }

@@ -22,6 +22,7 @@ impl Janitor {
     pub(super) fn start(node: Node<Ipc>) -> std::io::Result<Self> {
         let (ring, rung) = bounded(1);
         let thread = Builder::new().name("janitor".into()).stack_size(STACK).spawn(move || {
+            crate::shell::realtime::leave_the_control_path();
             for () in &rung {
                 // Failures are for the next time.
                 let _ = node.try_cleanup_dead_nodes();
