@@ -67,12 +67,7 @@ pub struct Log {
 impl Log {
     /// Begins a log; the file must not exist. `problem` stands for whatever else the outcomes depend on, and
     /// `objectives` are their names; both without line breaks.
-    pub fn create(
-        path: &Path,
-        search: &Mopso,
-        problem: &str,
-        objectives: &[&str],
-    ) -> Result<Self, LogError> {
+    pub fn create(path: &Path, search: &Mopso, problem: &str, objectives: &[&str]) -> Result<Self, LogError> {
         let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
         file.write_all(head(search, problem, objectives).as_bytes())?;
         let width = width(search);
@@ -80,12 +75,7 @@ impl Log {
     }
 
     /// Opens the log of a search that was stopped, to go on where it ended.
-    pub fn resume(
-        path: &Path,
-        search: &Mopso,
-        problem: &str,
-        objectives: &[&str],
-    ) -> Result<Self, LogError> {
+    pub fn resume(path: &Path, search: &Mopso, problem: &str, objectives: &[&str]) -> Result<Self, LogError> {
         let mut file = OpenOptions::new().read(true).write(true).open(path)?;
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes)?;

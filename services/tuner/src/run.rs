@@ -91,7 +91,10 @@ impl Mopso {
         let mut front: Vec<Solution> = self.archive().members().map(solution).collect();
         front.sort_by(|a, b| {
             let pairs = a.objectives.iter().zip(&b.objectives);
-            pairs.map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+            pairs
+                .map(|(a, b)| a.total_cmp(b))
+                .find(|order| order.is_ne())
+                .unwrap_or(std::cmp::Ordering::Equal)
         });
         front
     }

@@ -1,16 +1,21 @@
 //! The swarm: particles that fly about the unit cube after what was found best.
 //!
 //! Coello's MOPSO (Coello Coello, Toscano Pulido & Salazar Lechuga, IEEE Trans. Evol. Comput. 8(3), 2004): every
-//! particle remembers its own best and follows a leader out of an external archive. Flight and mutation are
-//! those of SMPSO (Nebro et al., MCDM 2009), because Coello's swarm flies off at high speeds, and with his
-//! turbulence it does not come near enough to the fronts of ZDT:
+//! particle remembers its own best and follows a leader out of an external archive. It flies as in SMPSO
+//! (Nebro et al., MCDM 2009), whose constriction keeps it from flying off at high speeds:
 //!
 //! ```text
-//! v ← χ (w v + c1 r1 (own best − x) + c2 r2 (leader − x)),  |v| ≤ ½      χ of Clerc & Kennedy
-//! x ← x + v; at a border it stays there and v turns round
+//! fly      v ← χ (w v + c1 r1 (own best − x) + c2 r2 (leader − x)),  |v| ≤ ½      χ of Clerc & Kennedy
+//!          x ← x + v; at a border it stays there and v turns round
+//! scout    x ← a + F (b − c) in some coordinates, a in the others                 a, b, c of the archive
 //! ```
 //!
-//! Every sixth particle is mutated (polynomial mutation, Deb & Goyal 1996). Infeasible candidates lose against
+//! Flying alone stalls: on ZDT1 the worst of ten seeds ends at a hypervolume of 0.857 of 0.872, on ZDT3 at 0.96
+//! of 1.33. So three in four particles scout instead, from the archive, along differences between its members, as
+//! differential evolution does (Storn & Price 1997): what members differ in is the direction of the front. They set
+//! out where it is thin: a is the least crowded of four.
+//!
+//! Every fifth particle is mutated (polynomial mutation, Deb & Goyal 1996). Infeasible candidates lose against
 //! feasible ones, and among themselves the smaller violation wins (Deb et al. 2002).
 
 use crate::archive::{Archive, Found, OBJECTIVES_MAX};
@@ -24,8 +29,19 @@ const INERTIA: f64 = 0.1;
 const PULL: (f64, f64) = (1.5, 2.5);
 /// Greatest speed along an axis, in widths of the space.
 const SPEED_MAX: f64 = 0.5;
+/// One in so many particles flies, the others scout.
+const FLYING: usize = 4;
+/// Members the archive must have for that; with fewer there are hardly any differences, and all fly.
+const SCOUTED_MIN: usize = 4;
+/// F is drawn between these.
+const STRIDE: (f64, f64) = (1.25, 1.75);
+/// Share of the coordinates in which a scout leaves a; one at least.
+const CROSSED: f64 = 0.15;
+/// Members of whom the least crowded leads a particle that flies, and one that scouts.
+const LED_BY_BEST_OF: usize = 2;
+const SCOUTS_FROM_BEST_OF: usize = 4;
 /// One in so many particles is mutated.
-const MUTATED: usize = 6;
+const MUTATED: usize = 5;
 /// Distribution index η of the mutation: large is near.
 const MUTATION_INDEX: f64 = 20.0;
 
@@ -178,8 +194,13 @@ impl Mopso {
     pub(crate) fn ask(&mut self) -> Generation<'_> {
         let dimensions = self.space.dimensions();
         if self.evaluations > 0 {
+            let scouting = self.archive.len() >= SCOUTED_MIN;
             for particle in 0..self.settings.swarm {
-                self.fly(particle);
+                if scouting && particle % FLYING != 0 {
+                    self.scout(particle);
+                } else {
+                    self.fly(particle);
+                }
                 if particle % MUTATED == 0 {
                     let range = particle * dimensions..(particle + 1) * dimensions;
                     mutate(&mut self.coordinates[range], &mut self.random);
@@ -201,7 +222,7 @@ impl Mopso {
     #[inline]
     fn fly(&mut self, particle: usize) {
         let random = &mut self.random;
-        let Some(leader) = self.archive.leader(|count| random.below(count)) else { return };
+        let Some(leader) = self.archive.leader(LED_BY_BEST_OF, random) else { return };
         let (r1, r2) = (random.unit(), random.unit());
         let (c1, c2) = (random.between(PULL.0, PULL.1), random.between(PULL.0, PULL.1));
         let chi = constriction(c1 + c2);
@@ -217,6 +238,21 @@ impl Mopso {
                 *x = x.clamp(0.0, 1.0);
                 *v = -*v;
             }
+        }
+    }
+
+    #[inline]
+    fn scout(&mut self, particle: usize) {
+        let (random, archive) = (&mut self.random, &self.archive);
+        let mut member = |best_of| archive.leader(best_of, random);
+        let (Some(a), Some(b), Some(c)) = (member(SCOUTS_FROM_BEST_OF), member(1), member(1)) else { return };
+        let stride = random.between(STRIDE.0, STRIDE.1);
+        let dimensions = self.space.dimensions();
+        let certain = random.below(dimensions);
+        let coordinates = &mut self.coordinates[particle * dimensions..][..dimensions];
+        for (axis, x) in coordinates.iter_mut().enumerate() {
+            let crossed = axis == certain || random.unit() < CROSSED;
+            *x = if crossed { (a[axis] + stride * (b[axis] - c[axis])).clamp(0.0, 1.0) } else { a[axis] };
         }
     }
 

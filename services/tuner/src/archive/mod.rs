@@ -15,6 +15,7 @@
 mod neighbours;
 mod staircase;
 
+use crate::random::Random;
 use neighbours::Neighbours;
 use staircase::Staircase;
 
@@ -130,20 +131,29 @@ impl Archive {
         &self.coordinates[slot * self.dimensions..][..self.dimensions]
     }
 
-    /// Whom to follow: of two members the one that is less crowded. Without members, the least infeasible
+    fn worth(&self, rank: usize) -> f64 {
+        match &self.keeper {
+            Keeper::Two(keeper) => keeper.worth(rank),
+            Keeper::Three(keeper) => keeper.worth(rank),
+        }
+    }
+
+    /// Whom to follow: the least crowded of `best_of` members drawn at random. Without members, the least infeasible
     /// candidate; `None` before the first evaluation.
     #[inline]
-    pub(crate) fn leader(&self, mut below: impl FnMut(usize) -> usize) -> Option<&[f64]> {
+    pub(crate) fn leader(&self, best_of: usize, random: &mut Random) -> Option<&[f64]> {
         let count = self.len();
         if count == 0 {
             return self.least.as_ref().map(|(_, coordinates)| coordinates.as_slice());
         }
-        let (first, second) = (below(count), below(count));
-        let better = match &self.keeper {
-            Keeper::Two(keeper) => keeper.worth(first) >= keeper.worth(second),
-            Keeper::Three(keeper) => keeper.worth(first) >= keeper.worth(second),
-        };
-        Some(self.coordinates_of(self.slot(if better { first } else { second })))
+        let mut leader = random.below(count);
+        for _ in 1..best_of {
+            let other = random.below(count);
+            if self.worth(other) > self.worth(leader) {
+                leader = other;
+            }
+        }
+        Some(self.coordinates_of(self.slot(leader)))
     }
 
     /// Takes in what an evaluation came to, if nobody dominates it and there is room for it.

@@ -119,14 +119,14 @@ fn what_is_beyond_the_reference_goes_first() {
 #[test]
 fn the_first_feasible_one_ends_the_reign_of_the_least_infeasible() {
     let mut archive = Archive::new(2, 1, 10, None);
-    assert_eq!(archive.leader(|_| 0), None);
+    assert_eq!(archive.leader(2, &mut Random::new(1)), None);
     offer(&mut archive, &[0.0, 0.0], 3.0, 1);
     offer(&mut archive, &[0.0, 0.0], 2.0, 2);
     offer(&mut archive, &[0.0, 0.0], 2.5, 3);
     assert!(archive.is_empty());
-    assert_eq!(archive.leader(|_| 0), Some(&[2.0][..]));
+    assert_eq!(archive.leader(2, &mut Random::new(1)), Some(&[2.0][..]));
     offer(&mut archive, &[5.0, 5.0], 0.0, 4);
     offer(&mut archive, &[0.0, 0.0], 1.0, 5);
     assert_eq!(points(&archive), [[5.0, 5.0]]);
-    assert_eq!(archive.leader(|_| 0), Some(&[4.0][..]));
+    assert_eq!(archive.leader(2, &mut Random::new(1)), Some(&[4.0][..]));
 }
