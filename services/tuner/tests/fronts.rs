@@ -1,4 +1,5 @@
 //! How near the search comes to fronts that are known.
+#![allow(clippy::disallowed_methods, clippy::disallowed_macros, reason = "tests have files and output")]
 
 mod problems;
 

@@ -47,13 +47,13 @@ fn zdt3(x: &[f64], f: &mut [f64]) {
     let g = g(x);
     let share = x[0] / g;
     f[0] = x[0];
-    f[1] = g * (1.0 - share.sqrt() - share * (10.0 * std::f64::consts::PI * x[0]).sin());
+    f[1] = g * (1.0 - share.sqrt() - share * libm::sin(10.0 * std::f64::consts::PI * x[0]));
 }
 
 fn dtlz2(x: &[f64], f: &mut [f64]) {
     let g: f64 = x[2..].iter().map(|x| (x - 0.5) * (x - 0.5)).sum();
-    let (sin_a, cos_a) = (x[0] * std::f64::consts::FRAC_PI_2).sin_cos();
-    let (sin_b, cos_b) = (x[1] * std::f64::consts::FRAC_PI_2).sin_cos();
+    let (sin_a, cos_a) = libm::sincos(x[0] * std::f64::consts::FRAC_PI_2);
+    let (sin_b, cos_b) = libm::sincos(x[1] * std::f64::consts::FRAC_PI_2);
     f[0] = (1.0 + g) * cos_a * cos_b;
     f[1] = (1.0 + g) * cos_a * sin_b;
     f[2] = (1.0 + g) * sin_a;
