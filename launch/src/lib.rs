@@ -6,6 +6,7 @@
 //! * [`latency`]: how punctual it all is.
 //! * [`report`]: what a run came to.
 //! * [`systemd`]: units that start a robot at boot.
+//! * [`tuning`]: parameters of a law, searched for.
 //! * [`cli`]: the `hilare` command.
 //! * `private`: what belongs to one user alone, in places that belong to everybody.
 
@@ -18,3 +19,4 @@ mod private;
 pub mod report;
 pub mod shell;
 pub mod systemd;
+pub mod tuning;

@@ -12,7 +12,7 @@
 
 use crate::swarm::Mopso;
 use std::fmt::{self, Write as _};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -21,6 +21,8 @@ use std::path::Path;
 pub enum LogError {
     /// The file cannot be read or written.
     Io(io::Error),
+    /// Another process has it open.
+    Busy,
     /// It is the log of another search: other settings, parameters or objective.
     Other,
     /// A line that no search has written.
@@ -36,6 +38,7 @@ impl fmt::Display for LogError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io(error) => write!(f, "{error}"),
+            Self::Busy => write!(f, "another search is writing it"),
             Self::Other => write!(f, "the log of another search (settings, parameters or problem differ)"),
             Self::Line { line, what } => write!(f, "line {line}: {what}"),
         }
@@ -69,6 +72,7 @@ impl Log {
     /// `objectives` are their names; both without line breaks.
     pub fn create(path: &Path, search: &Mopso, problem: &str, objectives: &[&str]) -> Result<Self, LogError> {
         let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        lock(&file)?;
         file.write_all(head(search, problem, objectives).as_bytes())?;
         let width = width(search);
         Ok(Self { file, known: 0, numbers: Vec::new(), width, text: String::new() })
@@ -77,6 +81,7 @@ impl Log {
     /// Opens the log of a search that was stopped, to go on where it ended.
     pub fn resume(path: &Path, search: &Mopso, problem: &str, objectives: &[&str]) -> Result<Self, LogError> {
         let mut file = OpenOptions::new().read(true).write(true).open(path)?;
+        lock(&file)?;
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes)?;
         // Whatever comes after the last line break is torn.
@@ -172,6 +177,14 @@ impl Log {
         self.file.write_all(self.text.as_bytes())?;
         Ok(())
     }
+}
+
+/// Until the file is closed, or its process dies.
+fn lock(file: &File) -> Result<(), LogError> {
+    file.try_lock().map_err(|error| match error {
+        TryLockError::WouldBlock => LogError::Busy,
+        TryLockError::Error(error) => LogError::Io(error),
+    })
 }
 
 /// Numbers of a line behind the evaluation's own.

@@ -216,6 +216,9 @@ fn a_log_of_another_search_is_refused() {
     let refused = Log::resume(&path, &other.expect("settings"), "trade", &names);
     assert!(matches!(refused, Err(LogError::Other)));
     assert!(matches!(Log::resume(&path, &search(4), "another", &names), Err(LogError::Other)));
+    let open = Log::resume(&path, &search(4), "trade", &names).expect("its own");
+    assert!(matches!(Log::resume(&path, &search(4), "trade", &names), Err(LogError::Busy)));
+    drop(open);
     assert!(matches!(Log::create(&path, &search(4), "trade", &names), Err(LogError::Io(_))));
 
     let text = fs::read_to_string(&path).expect("a log");
