@@ -8,8 +8,16 @@ use std::process::Command;
 use support::Lab;
 
 const LINES_MAX: usize = 450;
-const SERVICES: [&str; 7] =
-    ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant", "recorder"];
+const SERVICES: [&str; 8] = [
+    "planner",
+    "waypoint_selector",
+    "controller",
+    "step_generator",
+    "pose_estimator",
+    "plant",
+    "recorder",
+    "tuner",
+];
 /// Boxes on the control path, and the plant, which keeps time with them.
 const PURE: [&str; 5] = ["waypoint_selector", "controller", "step_generator", "pose_estimator", "plant"];
 

@@ -7,6 +7,7 @@
 //! * [`report`]: what a run came to.
 //! * [`topic`]: what the wires carry, for people.
 //! * [`systemd`]: units that start a robot at boot.
+//! * [`tuning`]: parameters of a law, searched for.
 //! * [`cli`]: the `hilare` command.
 //! * `private`: what belongs to one user alone, in places that belong to everybody.
 
@@ -20,3 +21,4 @@ pub mod report;
 pub mod shell;
 pub mod systemd;
 pub mod topic;
+pub mod tuning;

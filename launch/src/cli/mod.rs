@@ -16,6 +16,7 @@ mod run;
 mod service;
 mod systemd;
 mod topic;
+mod tune;
 mod up;
 
 use crate::manager::Failure;
@@ -105,6 +106,14 @@ enum Verb {
         Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
     )]
     Compare(compare::CompareArgs),
+    /// Search for the parameters of a law: a front of the best compromises
+    #[command(
+        after_help = "Examples:\n  hilare tune\n  hilare tune rectangle so --held-out trapezoid --set plant.slip_sd=0.1 --seeds 3\n  \
+        hilare tune --controller qp --evaluations 500 --parameter horizon=2..10 --out runs/qp\n  \
+        hilare tune --resume runs/qp --evaluations 2000\n\
+        Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
+    )]
+    Tune(Box<tune::TuneArgs>),
     /// Change the controller, or the parameters of a box, while the robot drives
     #[command(after_help = "Examples: hilare swap controller qp\n  \
         hilare swap controller ./my_controller.py\n  \
@@ -178,6 +187,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
+        Some(Verb::Tune(args)) => tune::tune(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
         Some(Verb::Topic(args)) => topic::topic(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),

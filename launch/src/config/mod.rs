@@ -247,6 +247,19 @@ impl System {
         keys::Section::of(section, self)?.get(self, name)
     }
 
+    /// The key of a number or switch that this system has, by its full name; `None` for others.
+    pub fn number_key(&self, path: &str) -> Option<Key> {
+        let (section, name) = assign::split_key(path);
+        let mut keys = keys::Section::of(section, self)?.keys();
+        keys.find(|key| key.name == name && matches!(key.form, Form::Number(_)))
+    }
+
+    /// Sets a number or switch by its key, without a word of text; its [`Form::Number`] must allow the value.
+    /// Whether the values still fit each other, [`Self::check`] tells.
+    pub fn put(&mut self, key: &Key, value: f64) {
+        key.section.put(self, key.name, value);
+    }
+
     /// The map to plan on, loaded; `None` if the system has none.
     pub fn load_map(&self) -> Result<Option<Map>, ConfigError> {
         maps::load(&self.map, &self.planner.load_options())

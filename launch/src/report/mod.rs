@@ -1,7 +1,7 @@
 //! The report of a run: what it came to ([`summary`]), beside what was published ([`verdict`]), and
 //! its curves ([`plots`]).
 
-mod canvas;
+pub(crate) mod canvas;
 mod labels;
 mod shapes;
 mod thin;

@@ -12,6 +12,7 @@ use hilare_interfaces::messages::{
 };
 use hilare_plant::{Observed, Plant};
 use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
+use hilare_recorder::statistics::{RunFigures, RunStatistics};
 use hilare_recorder::{RunRecord, TickRecord};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
@@ -93,6 +94,11 @@ impl InProcess {
         self.reference.state == ReferenceState::Arrived.code()
     }
 
+    /// Number of the waypoint that is driven to; 0 before the first control period.
+    pub fn waypoint(&self) -> u64 {
+        self.reference.index
+    }
+
     /// State of the step generator.
     pub fn steps(&self) -> &Steps {
         self.generator.state()
@@ -133,18 +139,35 @@ impl InProcess {
     /// Runs until arrival or `max_ticks`, recording every tick.
     pub fn run(&mut self, max_ticks: Tick) -> RunRecord {
         let mut record = RunRecord::new(self.period_ticks);
+        self.drive(max_ticks, |tick| record.push(tick));
+        if self.arrived() {
+            record.statistics.note_arrival();
+        }
+        record
+    }
+
+    /// The figures of [`Self::run`], without its curves; `watch` sees the step generator after every tick.
+    pub fn run_for_figures(&mut self, max_ticks: Tick, mut watch: impl FnMut(&Steps)) -> RunFigures {
+        let mut statistics = RunStatistics::default();
+        self.drive(max_ticks, |tick| {
+            watch(tick.steps);
+            statistics.push(tick);
+        });
+        if self.arrived() {
+            statistics.note_arrival();
+        }
+        statistics.figures()
+    }
+
+    fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
         while self.tick < max_ticks && self.tick() {
-            record.push(TickRecord {
+            push(TickRecord {
                 steps: self.generator.state(),
                 pose: &self.pose,
                 truth: &self.observed.truth,
                 reference: &self.reference,
             });
         }
-        if self.arrived() {
-            record.statistics.note_arrival();
-        }
-        record
     }
 }
 

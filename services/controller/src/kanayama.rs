@@ -45,6 +45,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Rim,
     allocations: 0,
     keeps_limits: false,
+    tunes_limits: true,
     params: KanayamaGains::SPECS,
     build,
 };

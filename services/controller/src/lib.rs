@@ -60,6 +60,8 @@ pub struct LawSpec {
     pub allocations: u64,
     /// Its twists are inside the limits and the motor diamond before the step generator sees them.
     pub keeps_limits: bool,
+    /// Its paper tunes the limits v_max and ω_max along with the parameters.
+    pub tunes_limits: bool,
     /// Its parameters.
     pub params: &'static [ParamSpec],
     /// Builds it.

@@ -72,6 +72,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Passed,
     allocations: 0,
     keeps_limits: false,
+    tunes_limits: false,
     params: NavigationCircleParams::SPECS,
     build,
 };

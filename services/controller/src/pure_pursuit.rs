@@ -66,6 +66,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Passed,
     allocations: 0,
     keeps_limits: false,
+    tunes_limits: false,
     params: PurePursuitParams::SPECS,
     build,
 };

@@ -53,6 +53,7 @@ pub const SPEC: LawSpec = LawSpec {
     acceptance: Acceptance::Passed,
     allocations: 0,
     keeps_limits: false,
+    tunes_limits: false,
     params: StanleyParams::SPECS,
     build,
 };

@@ -87,6 +87,7 @@ pub const SPEC: LawSpec = LawSpec {
     // The timers of clarabel, where a plan has hard bounds.
     allocations: 1,
     keeps_limits: true,
+    tunes_limits: false,
     params: FiniteStepParams::SPECS,
     build,
 };

@@ -96,6 +96,7 @@ pub const SPEC: LawSpec = LawSpec {
     // The timers of clarabel.
     allocations: 1,
     keeps_limits: true,
+    tunes_limits: false,
     params: QpParams::SPECS,
     build,
 };
