@@ -9,12 +9,14 @@
 //! * [`build`]: boxes from a system file,
 //! * [`boxes`], [`planning`], [`observer`], [`pairing`]: which messages each box is stepped with,
 //! * [`clock`]: the step generator's process, which is the clock: `real` and `lockstep`,
-//! * [`in_process`]: all boxes in one thread.
+//! * [`in_process`]: all boxes in one thread,
+//! * [`fast`]: thousands of such runs at once, for tuning.
 
 pub mod boxes;
 pub mod build;
 pub mod checkpoint;
 pub mod clock;
+pub mod fast;
 pub mod in_process;
 pub mod mapped;
 pub mod observer;
