@@ -45,9 +45,9 @@ impl DeadReckoning {
         }
     }
 
-    /// The heading after these cumulative counts, rad, not wrapped.
+    /// The heading after these cumulative counts, rad, not wrapped; wheels that are left out have counted nothing.
     #[inline]
-    pub fn heading_rad(&self, counts: PerWheel<f64>) -> f64 {
+    pub fn heading_rad<const WHEELS: usize>(&self, counts: [f64; WHEELS]) -> f64 {
         let turned: f64 = counts.iter().zip(self.heading_per_count_rad).map(|(n, gain)| n * gain).sum();
         self.start_heading_rad + turned
     }

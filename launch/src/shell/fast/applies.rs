@@ -1,13 +1,15 @@
 //! Which robots and paths the fast path knows.
 
+use super::lanes::tan_share;
 use super::{FastPath, Leg};
 use crate::config::{Driver, System};
 use crate::shell::build;
 use hilare_controller::kanayama;
 use hilare_interfaces::acceptance::Acceptance;
-use hilare_interfaces::chassis::Chassis;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams};
 use hilare_interfaces::messages::{MAX_WAYPOINTS, Waypoint};
 use hilare_interfaces::motors::{Motors, PulseTicks};
+use hilare_plant::stepper_drive::Steady;
 use hilare_pose_estimator::EstimatorKind;
 use hilare_pose_estimator::dead_reckoning::DeadReckoning;
 use hilare_recorder::statistics::Line;
@@ -62,11 +64,9 @@ impl FastPath {
             reckoning: DeadReckoning::new(system.chassis, step_rad, system.start),
             start: system.start,
             step_rad,
-            pulse_speed_max_radps: system
-                .motors
-                .pulse_speed_max_radps(&system.chassis)
-                .unwrap_or(f64::INFINITY),
+            pulse_speed_max_radps: pulse_speed_max_radps(&chassis, &system.motors),
             robot,
+            share_m: share_m(system, &chassis, &robot),
             legs,
         })
     }
@@ -75,4 +75,24 @@ impl FastPath {
 fn leg(from: Waypoint, to: Waypoint) -> Leg {
     let segment = to.segment_from(from);
     Leg { target: to.point(), heading_rad: segment.heading_rad(), line: Line::of(segment) }
+}
+
+/// The highest wheel speed the pulses can carry, rad/s; `None` if the motor diamond lets no higher one through.
+fn pulse_speed_max_radps(chassis: &DifferentialParams, motors: &Motors) -> Option<f64> {
+    let most_radps = motors.pulse_speed_max_radps(&Chassis::Differential(*chassis))?;
+    // [MH18] (17), (18): no wheel is faster than the mean of both tops.
+    let top_radps = (chassis.wheel_speed_max_right_radps + chassis.wheel_speed_max_left_radps) / 2.0;
+    (most_radps < top_radps * (1.0 + 1e-9)).then_some(most_radps)
+}
+
+/// How far steps lead a robot that starts, rolls and turns as the estimator believes; `None` for another. Of one step
+/// the turn is always the same, of two it is none.
+fn share_m(system: &System, chassis: &DifferentialParams, robot: &Steady) -> Option<[f64; 2]> {
+    let Motors::Stepper(stepper) = &system.motors else { return None };
+    let step_m = stepper.pulse_travel_m();
+    let believed = Steady { rolled_m: [step_m; 2], track_m: chassis.track_m, pose: system.start };
+    let turn = step_m / chassis.track_m;
+    let (one, two) = (step_m * tan_share(turn * turn), 2.0 * step_m * tan_share(0.0));
+    let thrice = (two - 2.0 * one) / 6.0;
+    (*robot == believed).then_some([one - thrice, thrice])
 }

@@ -13,6 +13,9 @@ use hilare_recorder::statistics::Line;
 use hilare_step_generator::limits::Limits;
 use hilare_step_generator::pulses;
 
+/// Ticks worked on together: the paper's control period.
+pub const TICKS: usize = 5;
+
 /// So much farther than the acceptance radius the square of a distance is certain to be outside, relative.
 const NEAR: f64 = 1.0 + 1e-9;
 
@@ -30,6 +33,49 @@ struct Drive<const N: usize> {
     /// |v − v_r|, m/s, and ω², rad²/s².
     speed_error_mps: Row<N>,
     effort: Row<N>,
+}
+
+/// What is found out about a tick of all lanes before the poses go on.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Beat<const N: usize> {
+    /// Of right and left: −1, 0 or 1.
+    steps: [Row<N>; 2],
+    theta_rad: Row<N>,
+    sin: Row<N>,
+    cos: Row<N>,
+}
+
+impl<const N: usize> Beat<N> {
+    const BLANK: Self = Self { steps: [[0.0; N]; 2], theta_rad: [0.0; N], sin: [0.0; N], cos: [0.0; N] };
+}
+
+/// Where a robot really is, and its cross-track errors.
+#[derive(Clone, Copy)]
+struct TruthSoFar {
+    place: WorldPoint,
+    line: Line,
+    cross_track_sum_m: f64,
+    cross_track_max_m: f64,
+}
+
+impl TruthSoFar {
+    /// A tick in which it moves by this, m.
+    #[inline(always)]
+    fn go(&mut self, dx_m: f64, dy_m: f64) {
+        self.place = WorldPoint::new(self.place.x_m + dx_m, self.place.y_m + dy_m);
+        let cross_track_m = self.line.distance_m(self.place);
+        self.cross_track_sum_m += cross_track_m;
+        if cross_track_m > self.cross_track_max_m {
+            self.cross_track_max_m = cross_track_m;
+        }
+    }
+}
+
+/// tan(h)/(4h) for a turn of 2h, given its square, rad².
+#[inline(always)]
+pub fn tan_share(square: f64) -> f64 {
+    0.25 + square * (1.0 / 48.0 + square * (1.0 / 480.0))
 }
 
 /// `N` runs.
@@ -203,22 +249,20 @@ impl<const N: usize> Lanes<N> {
     pub fn command(&mut self, path: &FastPath) {
         self.acting = self.coming;
         let v_r = path.tracking.speed_mps;
-        let (mut heading_error, mut sin, mut cos) = ([0.0; N], [0.0; N], [0.0; N]);
-        let (mut trusted, mut wrapped) = (true, true);
+        let mut heading_error = [0.0; N];
+        let mut wrapped = true;
         for lane in 0..N {
             let error = self.target_heading_rad[lane] - self.theta_rad[lane];
             wrapped &= error.abs() < WRAPPED_ONCE_RAD;
             heading_error[lane] = wrap_once_rad(error);
-            let (s, c, sound) = sine::plain(heading_error[lane]);
-            (sin[lane], cos[lane]) = (s, c);
-            trusted &= sound;
         }
-        if !(trusted && wrapped) {
+        if !wrapped {
             for lane in 0..N {
                 heading_error[lane] = wrap_angle_rad(self.target_heading_rad[lane] - self.theta_rad[lane]);
             }
-            sine::ask_libm(&heading_error, &mut sin, &mut cos);
         }
+        let [sin, cos] = sine::of(&heading_error);
+        let mut speeds_radps = [[0.0; N]; 2];
         for lane in 0..N {
             let [k1_per_s, k2_per_m2, k3_per_m] = [0, 1, 2].map(|gain| self.gains[gain][lane]);
             let gains = KanayamaGains { k1_per_s, k2_per_m2, k3_per_m };
@@ -232,74 +276,150 @@ impl<const N: usize> Lanes<N> {
                 ..path.limits
             };
             let [vx, omega] = limits.constrain_differential(&path.chassis, vx, omega);
-            let speeds = path.chassis.wheel_speeds(vx, omega);
-            let [right, left] = pulses::within(path.pulse_speed_max_radps, speeds);
-            let coming = &mut self.coming;
+            [speeds_radps[0][lane], speeds_radps[1][lane]] = path.chassis.wheel_speeds(vx, omega);
+            self.coming.speed_error_mps[lane] = (vx - v_r).abs();
+            self.coming.effort[lane] = omega * omega;
+        }
+        if let Some(most_radps) = path.pulse_speed_max_radps {
+            for lane in 0..N {
+                let speeds = [speeds_radps[0][lane], speeds_radps[1][lane]];
+                [speeds_radps[0][lane], speeds_radps[1][lane]] = pulses::within(most_radps, speeds);
+            }
+        }
+        let coming = &mut self.coming;
+        for lane in 0..N {
+            let (right, left) = (speeds_radps[0][lane], speeds_radps[1][lane]);
             // [MH18] (26)
             coming.per_tick_rad[0][lane] = right * TICK_S;
             coming.per_tick_rad[1][lane] = left * TICK_S;
             let stands = (right == 0.0) & (left == 0.0);
             coming.act_from_rad[lane] = if stands { f64::INFINITY } else { path.step_rad };
-            coming.speed_error_mps[lane] = (vx - v_r).abs();
-            coming.effort[lane] = omega * omega;
         }
     }
 
-    /// One tick of all lanes.
+    /// `T` ticks of all lanes. Each loop does one thing for all of them, and is short: so a processor finds enough in
+    /// it to do at a time, and what goes on from tick to tick stays in its registers.
     #[inline(always)]
-    pub fn tick(&mut self, path: &FastPath) {
+    pub fn run<const T: usize>(&mut self, path: &FastPath) {
+        // On the stack, and not a part of the lanes: the compiler has to see that the one is not the other.
+        let mut beats = [Beat::BLANK; T];
+        self.pulse(path, &mut beats);
+        for beat in &mut beats {
+            [beat.sin, beat.cos] = sine::of(&beat.theta_rad);
+        }
+        match path.share_m {
+            Some(share_m) => self.roll_as_believed(share_m, &beats),
+            None => self.roll(path, &beats),
+        }
+        self.reckon(path, &beats);
+    }
+
+    /// The step generator's part, and the headings that come of it.
+    #[inline(always)]
+    fn pulse<const T: usize>(&mut self, path: &FastPath, beats: &mut [Beat<N>; T]) {
+        for lane in 0..N {
+            let act_from = self.acting.act_from_rad[lane];
+            let per_tick = [self.acting.per_tick_rad[0][lane], self.acting.per_tick_rad[1][lane]];
+            let mut owed = [self.owed_rad[0][lane], self.owed_rad[1][lane]];
+            let mut counts = [self.counts[0][lane], self.counts[1][lane]];
+            for beat in &mut *beats {
+                for wheel in 0..2 {
+                    // [MH18] (27)–(29)
+                    let angle = owed[wheel] + per_tick[wheel];
+                    let forward = if angle >= act_from { 1.0 } else { 0.0 };
+                    let step = if angle <= -act_from { -1.0 } else { forward };
+                    owed[wheel] = angle - path.step_rad * step;
+                    counts[wheel] += step;
+                    beat.steps[wheel][lane] = step;
+                }
+                beat.theta_rad[lane] = path.reckoning.heading_rad(counts);
+            }
+            [self.owed_rad[0][lane], self.owed_rad[1][lane]] = owed;
+            [self.counts[0][lane], self.counts[1][lane]] = counts;
+        }
+    }
+
+    /// The pose estimator's part.
+    #[inline(always)]
+    fn reckon<const T: usize>(&mut self, path: &FastPath, beats: &[Beat<N>; T]) {
         // A step of both wheels is twice as far, to the bit, and one of each sign nowhere.
         let ahead_m = path.reckoning.moved([1.0, 0.0, 0.0, 0.0]).vx_mps;
-        let [right_m, left_m] = path.robot.rolled_m;
-        let half_rad = [right_m / path.robot.track_m / 2.0, left_m / path.robot.track_m / 2.0];
-        let mut trusted = true;
         for lane in 0..N {
-            let step = |wheel: usize, owed: &mut [Row<N>; 2]| {
-                // [MH18] (27)–(29)
-                let angle = owed[wheel][lane] + self.acting.per_tick_rad[wheel][lane];
-                let act_from = self.acting.act_from_rad[lane];
-                let forward = if angle >= act_from { 1.0 } else { 0.0 };
-                let step = if angle <= -act_from { -1.0 } else { forward };
-                owed[wheel][lane] = angle - path.step_rad * step;
-                step
-            };
-            let (right, left) = (step(0, &mut self.owed_rad), step(1, &mut self.owed_rad));
-            self.counts[0][lane] += right;
-            self.counts[1][lane] += left;
-
-            // [MH18] (30), (31), by the heading before the tick.
-            let moved_m = ahead_m * (right + left);
-            self.x_m[lane] += moved_m * self.cos[lane];
-            self.y_m[lane] += moved_m * self.sin[lane];
-            let theta = path.reckoning.heading_rad([self.counts[0][lane], self.counts[1][lane], 0.0, 0.0]);
-            self.theta_rad[lane] = theta;
-            let (sin, cos, sound) = sine::plain(theta);
+            let (mut x_m, mut y_m) = (self.x_m[lane], self.y_m[lane]);
+            let (mut sin, mut cos) = (self.sin[lane], self.cos[lane]);
+            for beat in beats {
+                // [MH18] (30), (31), by the heading before the tick.
+                let moved_m = ahead_m * (beat.steps[0][lane] + beat.steps[1][lane]);
+                x_m += moved_m * cos;
+                y_m += moved_m * sin;
+                (sin, cos) = (beat.sin[lane], beat.cos[lane]);
+            }
+            (self.x_m[lane], self.y_m[lane]) = (x_m, y_m);
             (self.sin[lane], self.cos[lane]) = (sin, cos);
-            trusted &= sound;
-
-            // The true robot's arc: its chord, along the heading half-way.
-            let half = right * half_rad[0] - left * half_rad[1];
-            let square = half * half;
-            let short = 1.0 - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0));
-            let chord_m = (right * right_m + left * left_m) * 0.5 * short;
-            let s = half * short;
-            let c = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)));
-            let (sin, cos) = (self.true_sin[lane], self.true_cos[lane]);
-            let (sin, cos) = (sin * c + cos * s, cos * c - sin * s);
-            self.true_x_m[lane] += chord_m * cos;
-            self.true_y_m[lane] += chord_m * sin;
-            self.true_sin[lane] = sin * c + cos * s;
-            self.true_cos[lane] = cos * c - sin * s;
-
-            let line =
-                Line { normal: (self.normal[0][lane], self.normal[1][lane]), offset_m: self.offset_m[lane] };
-            let cross_track_m = line.distance_m(WorldPoint::new(self.true_x_m[lane], self.true_y_m[lane]));
-            self.cross_track_sum_m[lane] += cross_track_m;
-            self.cross_track_max_m[lane] = self.cross_track_max_m[lane].max(cross_track_m);
+            self.theta_rad[lane] = beats[T - 1].theta_rad[lane];
         }
-        if !trusted {
-            sine::ask_libm(&self.theta_rad, &mut self.sin, &mut self.cos);
+    }
+
+    /// The true robot where it is as the estimator believes it is: but for that, as [`Self::roll`].
+    #[inline(always)]
+    fn roll_as_believed<const T: usize>(&mut self, [once, thrice]: [f64; 2], beats: &[Beat<N>; T]) {
+        for lane in 0..N {
+            let mut truth = self.truth(lane);
+            let (mut sin, mut cos) = (self.sin[lane], self.cos[lane]);
+            for beat in beats {
+                let steps = beat.steps[0][lane] + beat.steps[1][lane];
+                let share_m = steps * (once + thrice * (steps * steps));
+                let (sin_after, cos_after) = (beat.sin[lane], beat.cos[lane]);
+                truth.go(share_m * (cos + cos_after), share_m * (sin + sin_after));
+                (sin, cos) = (sin_after, cos_after);
+            }
+            self.put_truth(lane, truth);
         }
+    }
+
+    /// The true robot's arcs, and how far from the line they are. The chord of an arc points half-way between the
+    /// headings at its ends: along the sum of their directions, by (s_R + s_L)/2 · tan(h)/(2h), h half the turn.
+    #[inline(always)]
+    fn roll<const T: usize>(&mut self, path: &FastPath, beats: &[Beat<N>; T]) {
+        let [right_m, left_m] = path.robot.rolled_m;
+        let [right_rad, left_rad] = path.robot.rolled_m.map(|rolled_m| rolled_m / path.robot.track_m);
+        for lane in 0..N {
+            let mut truth = self.truth(lane);
+            let (mut sin, mut cos) = (self.true_sin[lane], self.true_cos[lane]);
+            for beat in beats {
+                let (right, left) = (beat.steps[0][lane], beat.steps[1][lane]);
+                let turn = right * right_rad - left * left_rad;
+                let square = turn * turn;
+                let s = turn * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)));
+                let c = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)));
+                let (sin_after, cos_after) = (sin * c + cos * s, cos * c - sin * s);
+                let share_m = (right * right_m + left * left_m) * tan_share(square);
+                truth.go(share_m * (cos + cos_after), share_m * (sin + sin_after));
+                (sin, cos) = (sin_after, cos_after);
+            }
+            (self.true_sin[lane], self.true_cos[lane]) = (sin, cos);
+            self.put_truth(lane, truth);
+        }
+    }
+
+    #[inline(always)]
+    fn truth(&self, lane: usize) -> TruthSoFar {
+        TruthSoFar {
+            place: WorldPoint::new(self.true_x_m[lane], self.true_y_m[lane]),
+            line: Line {
+                normal: (self.normal[0][lane], self.normal[1][lane]),
+                offset_m: self.offset_m[lane],
+            },
+            cross_track_sum_m: self.cross_track_sum_m[lane],
+            cross_track_max_m: self.cross_track_max_m[lane],
+        }
+    }
+
+    #[inline(always)]
+    fn put_truth(&mut self, lane: usize, truth: TruthSoFar) {
+        (self.true_x_m[lane], self.true_y_m[lane]) = (truth.place.x_m, truth.place.y_m);
+        self.cross_track_sum_m[lane] = truth.cross_track_sum_m;
+        self.cross_track_max_m[lane] = truth.cross_track_max_m;
     }
 
     /// What a run has come to by now.

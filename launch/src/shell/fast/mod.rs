@@ -32,12 +32,12 @@ use hilare_pose_estimator::dead_reckoning::DeadReckoning;
 use hilare_recorder::statistics::Line;
 use hilare_step_generator::limits::Limits;
 use hilare_waypoint_selector::Tracking;
-use lanes::Lanes;
+use lanes::{Lanes, TICKS};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 /// Runs side by side in one thread: two vectors of the widest there are, so that one's latency is the other's time.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// What differs from run to run: the gains and limits of the paper's search, table 2.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,9 +123,12 @@ pub struct FastPath {
     start: WorldPose,
     /// Wheel angle of a step, rad.
     step_rad: f64,
-    /// Highest wheel speed the pulses can carry, rad/s.
-    pulse_speed_max_radps: f64,
+    /// Highest wheel speed the pulses can carry, rad/s, if any that passes the constraints is above.
+    pulse_speed_max_radps: Option<f64>,
     robot: Steady,
+    /// Of a robot that is as believed: s steps, of both wheels together, lead s·([0] + [1]·s²) along the sum of the
+    /// directions before and after, m.
+    share_m: Option<[f64; 2]>,
     legs: Vec<Leg>,
 }
 
@@ -165,13 +168,26 @@ impl FastPath {
     }
 
     /// One thread's share, with the widest vectors this processor has.
+    #[cfg_attr(target_arch = "x86_64", allow(unsafe_code, reason = "a function for some processors only"))]
     fn work(&self, queue: &Queue<'_>, periods_max: u64) {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            #[allow(unsafe_code)]
-            // SAFETY: the processor has what the function needs.
-            return unsafe { self.work_with_avx2(queue, periods_max) };
+        {
+            use std::arch::is_x86_feature_detected as has;
+            if has!("avx512f") && has!("avx512dq") && has!("avx512vl") {
+                // SAFETY: the processor has what the function needs.
+                return unsafe { self.work_with_avx512(queue, periods_max) };
+            }
+            if has!("avx2") {
+                // SAFETY: as above.
+                return unsafe { self.work_with_avx2(queue, periods_max) };
+            }
         }
+        self.drive::<LANES>(queue, periods_max);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
+    fn work_with_avx512(&self, queue: &Queue<'_>, periods_max: u64) {
         self.drive::<LANES>(queue, periods_max);
     }
 
@@ -191,8 +207,11 @@ impl FastPath {
         }
         while places.iter().any(Option::is_some) {
             lanes.command(self);
-            for _ in 0..self.period_ticks {
-                lanes.tick(self);
+            for _ in 0..self.period_ticks / TICKS as u64 {
+                lanes.run::<TICKS>(self);
+            }
+            for _ in 0..self.period_ticks % TICKS as u64 {
+                lanes.run::<1>(self);
             }
             if !lanes.close_period(self, periods_max) {
                 continue;

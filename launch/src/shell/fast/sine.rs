@@ -12,10 +12,9 @@ const QUARTER_RAD: f64 = 1.570_796_326_734_125_6;
 const QUARTER_REST_RAD: f64 = 6.077_100_506_506_192e-11;
 /// Added and taken away again, it rounds to whole numbers, and leaves them in the last bits of the sum.
 const TO_WHOLE: f64 = 1.5 / f64::EPSILON;
-/// Angles below are reduced in two parts, rad.
-const LARGE_RAD: f64 = 1e6;
-/// As near to an odd eighth of a turn, in quarters, libm may choose the other quarter.
-const UNDECIDED: f64 = 0.499_99;
+/// From a reduced angle of this size on, which is an eighth of a turn but for 2e-5 of it, libm may choose the next
+/// quarter.
+const UNDECIDED_RAD: f64 = 0.785_38;
 /// A reduced angle that is smaller than the angle by this factor has lost too many digits.
 const CANCELLED: f64 = 65_536.0;
 
@@ -40,15 +39,15 @@ const COS: [f64; 6] = [
 
 /// Sine and cosine of an angle, and whether they can be trusted: otherwise ask libm.
 #[inline(always)]
-pub fn plain(angle: f64) -> (f64, f64, bool) {
+fn plain(angle: f64) -> (f64, f64, bool) {
     let shifted = angle * QUARTERS_PER_RAD + TO_WHOLE;
     let quarters = shifted - TO_WHOLE;
     let coarse = angle - quarters * QUARTER_RAD;
     let rest = quarters * QUARTER_REST_RAD;
     let x = coarse - rest;
     let y = (coarse - x) - rest;
-    let decided = (angle * QUARTERS_PER_RAD - quarters).abs() < UNDECIDED;
-    let trusted = decided & (angle.abs() < LARGE_RAD) & (x.abs() * CANCELLED >= angle.abs());
+    // The second says no to large angles, too, and to what is no number.
+    let trusted = (x.abs() < UNDECIDED_RAD) & (x.abs() * CANCELLED >= angle.abs());
 
     let z = x * x;
     let w = z * z;
@@ -70,10 +69,27 @@ pub fn plain(angle: f64) -> (f64, f64, bool) {
     (negated(first, q), negated(second, q.wrapping_add(1)), trusted)
 }
 
-/// Those of libm, for a few angles that [`plain`] cannot be trusted with.
+/// Sines and cosines.
+#[inline(always)]
+pub fn of<const N: usize>(angles: &[f64; N]) -> [[f64; N]; 2] {
+    let (mut sin, mut cos) = ([0.0; N], [0.0; N]);
+    let mut all_trusted = true;
+    for lane in 0..N {
+        let (s, c, trusted) = plain(angles[lane]);
+        sin[lane] = s;
+        cos[lane] = c;
+        all_trusted &= trusted;
+    }
+    if !all_trusted {
+        ask_libm(angles, &mut sin, &mut cos);
+    }
+    [sin, cos]
+}
+
+/// Those of libm, for a few angles that `plain` cannot be trusted with.
 #[cold]
 #[inline(never)]
-pub fn ask_libm(angles: &[f64], sin: &mut [f64], cos: &mut [f64]) {
+fn ask_libm(angles: &[f64], sin: &mut [f64], cos: &mut [f64]) {
     for ((angle, sin), cos) in angles.iter().zip(sin).zip(cos) {
         (*sin, *cos) = libm::sincos(*angle);
     }
@@ -130,9 +146,8 @@ mod tests {
         for angle in [0.0, -0.0, 1.0, -3.0, 700.0, f64::MIN_POSITIVE / 8.0] {
             assert!(!check(angle), "{angle}");
         }
-        let (mut sin, mut cos) = ([0.0; 2], [0.0; 2]);
-        ask_libm(&[1e7, 0.5], &mut sin, &mut cos);
-        assert_eq!((sin[0], cos[0]), libm::sincos(1e7));
-        assert_eq!((sin[1], cos[1]), libm::sincos(0.5));
+        let angles = [1e7, 0.5];
+        let [sin, cos] = of(&angles);
+        assert_eq!([(sin[0], cos[0]), (sin[1], cos[1])], angles.map(libm::sincos));
     }
 }
