@@ -40,6 +40,25 @@ param_group! {
     }
 }
 
+impl DifferentialParams {
+    /// Speeds of the right and the left wheel, rad/s, that give the body `vx_mps` and `omega_radps`.
+    #[inline]
+    pub fn wheel_speeds(&self, vx_mps: f64, omega_radps: f64) -> [f64; 2] {
+        // [MH18] (4)
+        let turn = self.track_m * omega_radps;
+        [(2.0 * vx_mps + turn) / self.wheel_diameter_m, (2.0 * vx_mps - turn) / self.wheel_diameter_m]
+    }
+
+    /// [`Chassis::motor_use`] of a forward speed and a yaw rate.
+    #[inline]
+    pub fn motor_use(&self, vx_mps: f64, omega_radps: f64) -> f64 {
+        // [MH18] (17)–(22): |v|/a + |ω| w_T/(2a), a the top linear speed.
+        let a = self.wheel_diameter_m / 4.0
+            * (self.wheel_speed_max_right_radps + self.wheel_speed_max_left_radps);
+        vx_mps.abs() / a + omega_radps.abs() * self.track_m / (2.0 * a)
+    }
+}
+
 /// A chassis: how body motion and wheel motion belong together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Chassis {
@@ -91,14 +110,8 @@ impl Chassis {
     pub fn wheel_speeds(&self, twist: BodyTwist) -> PerWheel<f64> {
         match self {
             Self::Differential(p) => {
-                // [MH18] (4)
-                let turn = p.track_m * twist.omega_radps;
-                [
-                    (2.0 * twist.vx_mps + turn) / p.wheel_diameter_m,
-                    (2.0 * twist.vx_mps - turn) / p.wheel_diameter_m,
-                    0.0,
-                    0.0,
-                ]
+                let [right, left] = p.wheel_speeds(twist.vx_mps, twist.omega_radps);
+                [right, left, 0.0, 0.0]
             }
             Self::Mecanum(p) => {
                 // [Qian18] (1)
@@ -139,12 +152,7 @@ impl Chassis {
     /// outside. Dividing the twist by it keeps the curvature.
     pub fn motor_use(&self, twist: BodyTwist) -> f64 {
         match self {
-            Self::Differential(p) => {
-                // [MH18] (17)–(22): |v|/a + |ω| w_T/(2a), a the top linear speed.
-                let a =
-                    p.wheel_diameter_m / 4.0 * (p.wheel_speed_max_right_radps + p.wheel_speed_max_left_radps);
-                twist.vx_mps.abs() / a + twist.omega_radps.abs() * p.track_m / (2.0 * a)
-            }
+            Self::Differential(p) => p.motor_use(twist.vx_mps, twist.omega_radps),
             Self::Mecanum(p) => {
                 let fastest = self.wheel_speeds(twist).into_iter().fold(0.0, |top: f64, w| top.max(w.abs()));
                 fastest / p.wheel_speed_max_radps

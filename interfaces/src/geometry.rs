@@ -115,20 +115,39 @@ pub struct BodyError {
 impl BodyError {
     /// Target minus pose, turned into the robot's frame: `// [MH18] (5)`.
     pub fn between(pose: WorldPose, target: WorldPose) -> Self {
-        let (sin, cos) = libm::sincos(pose.theta_rad);
-        let (dx, dy) = (target.x_m - pose.x_m, target.y_m - pose.y_m);
-        Self {
-            x_m: cos * dx + sin * dy,
-            y_m: -sin * dx + cos * dy,
-            theta_rad: wrap_angle_rad(target.theta_rad - pose.theta_rad),
-        }
+        let (x_m, y_m) = seen_along(libm::sincos(pose.theta_rad), pose.position(), target.position());
+        Self { x_m, y_m, theta_rad: wrap_angle_rad(target.theta_rad - pose.theta_rad) }
+    }
+}
+
+/// Where `target` is seen from `from` by one who looks along a heading of this sine and cosine: how far ahead and
+/// how far to the left, metres: `// [MH18] (5)`.
+#[inline]
+pub fn seen_along((sin, cos): (f64, f64), from: WorldPoint, target: WorldPoint) -> (f64, f64) {
+    let (dx, dy) = (target.x_m - from.x_m, target.y_m - from.y_m);
+    (cos * dx + sin * dy, -sin * dx + cos * dy)
+}
+
+/// Below this size, 3π rad, [`wrap_once_rad`] is [`wrap_angle_rad`].
+pub const WRAPPED_ONCE_RAD: f64 = 3.0 * PI;
+
+/// A turn less or more for an angle outside (−π, π]. Nothing is rounded: from π to 4π the difference to a turn is a
+/// number of its own.
+#[inline]
+pub fn wrap_once_rad(angle_rad: f64) -> f64 {
+    if angle_rad > PI {
+        angle_rad - TAU
+    } else if angle_rad <= -PI {
+        angle_rad + TAU
+    } else {
+        angle_rad
     }
 }
 
 /// The same angle in (−π, π].
 pub fn wrap_angle_rad(angle_rad: f64) -> f64 {
-    if angle_rad > -PI && angle_rad <= PI {
-        return angle_rad;
+    if angle_rad.abs() < WRAPPED_ONCE_RAD {
+        return wrap_once_rad(angle_rad);
     }
     // IEEE remainder rounds to nearest, so it lands in [−π, π]; −π is the same direction as π.
     let wrapped = libm::remainder(angle_rad, TAU);
@@ -164,6 +183,21 @@ mod tests {
             prop_assert!((here.x_m - there.x_m).abs() < 1e-9);
             prop_assert!((here.y_m - there.y_m).abs() < 1e-9);
             prop_assert!(wrap_angle_rad(here.theta_rad - there.theta_rad).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn wrapping_once_is_the_remainder_to_the_bit() {
+        let mut angle = -WRAPPED_ONCE_RAD;
+        while angle < WRAPPED_ONCE_RAD {
+            angle += 0.000_917;
+            for near in [angle, PI, 3.0 * PI, TAU, 2.0 * PI].map(|at| at + angle * 1e-15) {
+                for angle in [near, -near, near.next_up(), near.next_down()] {
+                    let remainder = libm::remainder(angle, TAU);
+                    let wrapped = if remainder <= -PI { remainder + TAU } else { remainder };
+                    assert_eq!(wrap_angle_rad(angle).to_bits(), wrapped.to_bits(), "{angle}");
+                }
+            }
         }
     }
 

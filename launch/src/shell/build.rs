@@ -4,8 +4,8 @@ use super::ClockKind;
 use crate::config::System;
 use hilare_controller::prediction::Prediction;
 use hilare_controller::{Built, Controller, Identity, LawSetup, LawSpec, TwistLimits};
-use hilare_interfaces::chassis::Chassis;
-use hilare_interfaces::motors::Motors;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams};
+use hilare_interfaces::motors::{Motors, StepperParams};
 use hilare_planner::{Map, Navigator};
 use hilare_plant::camera::Camera;
 use hilare_plant::dc_servo::{self, DcServo};
@@ -91,13 +91,17 @@ pub fn navigator_on(map: Option<&Map>, system: &System) -> Navigator {
     Navigator::new(map, &system.planner, system.fit, radius_m, system.chassis.is_omnidirectional())
 }
 
+/// The simulated robot on two wheels and steppers.
+pub fn stepper_drive(system: &System, wheels: &DifferentialParams, stepper: &StepperParams) -> StepperDrive {
+    let body = stepper_drive::Body { track_m: wheels.track_m, step_length_m: stepper.pulse_travel_m() };
+    StepperDrive::new(body, system.plant.stepper_drive, system.start)
+}
+
 /// The simulated robot.
 pub fn plant(system: &System) -> Result<Plant, String> {
     let robot = match (&system.chassis, &system.motors) {
         (Chassis::Differential(wheels), Motors::Stepper(stepper)) => {
-            let step_length_m = stepper.pulse_travel_m();
-            let body = stepper_drive::Body { track_m: wheels.track_m, step_length_m };
-            Robot::StepperDrive(StepperDrive::new(body, system.plant.stepper_drive, system.start))
+            Robot::StepperDrive(stepper_drive(system, wheels, stepper))
         }
         (Chassis::Differential(wheels), Motors::Servo(servo)) => {
             let body = dc_servo::Body {

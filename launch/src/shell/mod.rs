@@ -10,12 +10,14 @@
 //! * [`boxes`], [`planning`], [`observer`], [`pairing`]: which messages each box is stepped with,
 //! * [`relay`]: the wires repeated for those who only look,
 //! * [`clock`]: the step generator's process, which is the clock: `real` and `lockstep`,
-//! * [`in_process`]: all boxes in one thread.
+//! * [`in_process`]: all boxes in one thread,
+//! * [`fast`]: thousands of such runs at once, for tuning.
 
 pub mod boxes;
 pub mod build;
 pub mod checkpoint;
 pub mod clock;
+pub mod fast;
 pub mod in_process;
 pub mod mapped;
 pub mod observer;

@@ -75,19 +75,32 @@ fn target(reference: &Reference, pose: WorldPose) -> (WorldPose, f64) {
     (target, reference.speed_mps * segment.curvature_per_m())
 }
 
+impl KanayamaGains {
+    /// Forward speed and yaw rate for an error ahead and to the left, m, and sine and cosine of the heading
+    /// error, at the reference's speed and yaw rate.
+    #[inline]
+    pub fn answer(
+        &self,
+        (x_e, y_e): (f64, f64),
+        (sin, cos): (f64, f64),
+        (v_r, omega_r): (f64, f64),
+    ) -> (f64, f64) {
+        let sin = if cos < 0.0 && sin.abs() < HALF_TURN_TIE { 1.0 } else { sin };
+        // [MH18] (7)
+        let vx_mps = v_r * cos + self.k1_per_s * x_e;
+        let omega_radps = omega_r + v_r * (self.k2_per_m2 * y_e + self.k3_per_m * sin);
+        (vx_mps, omega_radps)
+    }
+}
+
 impl ControlLaw for Kanayama {
     fn step(&mut self, inputs: LawInputs<'_>) -> LawOutput {
         let reference = inputs.reference;
         let (target, omega_r) = target(reference, inputs.pose);
         let error = BodyError::between(inputs.pose, target);
-        let (mut sin, cos) = libm::sincos(error.theta_rad);
-        if cos < 0.0 && sin.abs() < HALF_TURN_TIE {
-            sin = 1.0;
-        }
-        let v_r = reference.speed_mps;
-        // [MH18] (7)
-        let vx_mps = v_r * cos + self.gains.k1_per_s * error.x_m;
-        let omega_radps = omega_r + v_r * (self.gains.k2_per_m2 * error.y_m + self.gains.k3_per_m * sin);
+        let heading_error = libm::sincos(error.theta_rad);
+        let (vx_mps, omega_radps) =
+            self.gains.answer((error.x_m, error.y_m), heading_error, (reference.speed_mps, omega_r));
         LawOutput::sound(BodyTwist::new(vx_mps, 0.0, omega_radps))
     }
 

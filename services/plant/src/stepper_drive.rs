@@ -55,6 +55,17 @@ pub struct Body {
     pub step_length_m: f64,
 }
 
+/// A robot whose steps are all alike, because its slip does not vary: all there is to know of its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steady {
+    /// What the contact points travel with a step, right and left, m.
+    pub rolled_m: [f64; 2],
+    /// Distance between them, m.
+    pub track_m: f64,
+    /// Where it is.
+    pub pose: WorldPose,
+}
+
 /// The robot.
 #[derive(Clone, Debug)]
 pub struct StepperDrive {
@@ -83,6 +94,14 @@ impl StepperDrive {
             noise,
             tick: 0,
         }
+    }
+
+    /// The robot as it stands, if all its steps are alike.
+    pub fn steady(&self) -> Option<Steady> {
+        let keep = 1.0 - self.params.slip_mean;
+        let rolled_m = self.travel_m.map(|travel_m| travel_m * keep);
+        let steady = Steady { rolled_m, track_m: self.track_m, pose: self.pose };
+        (self.params.slip_sd == 0.0).then_some(steady)
     }
 
     /// What a wheel's contact point travels for `steps` steps, m.

@@ -6,7 +6,7 @@
 //! they are then taken as one arc.
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::chassis::{Chassis, PerWheel};
-use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::geometry::{BodyTwist, WorldPose};
 use hilare_interfaces::state::{StateWords, Stateful};
 
 /// The estimator.
@@ -45,20 +45,26 @@ impl DeadReckoning {
         }
     }
 
-    fn heading_rad(&self, counts: PerWheel<i64>) -> f64 {
-        let turned: f64 =
-            counts.iter().zip(self.heading_per_count_rad).map(|(n, gain)| *n as f64 * gain).sum();
+    /// The heading after these cumulative counts, rad, not wrapped; wheels that are left out have counted nothing.
+    #[inline]
+    pub fn heading_rad<const WHEELS: usize>(&self, counts: [f64; WHEELS]) -> f64 {
+        let turned: f64 = counts.iter().zip(self.heading_per_count_rad).map(|(n, gain)| n * gain).sum();
         self.start_heading_rad + turned
     }
 
+    /// What the body moves by in its own frame while the wheels count so much, m and rad: [MH18] (30), (3).
+    #[inline]
+    pub fn moved(&self, counts: PerWheel<f64>) -> BodyTwist {
+        self.chassis.twist(counts.map(|count| self.count_rad * count))
+    }
+
     fn advance(&mut self, tick: Tick, counts: &PerWheel<i64>) {
-        let mut wheel_rad = [0.0; 4];
-        for (wheel, angle) in wheel_rad.iter_mut().enumerate() {
-            *angle = self.count_rad * counts[wheel].wrapping_sub(self.counts[wheel]) as f64;
+        let mut since = [0.0; 4];
+        for (wheel, since) in since.iter_mut().enumerate() {
+            *since = counts[wheel].wrapping_sub(self.counts[wheel]) as f64;
         }
-        // [MH18] (30), (3): wheel angles into a displacement of the body.
-        let moved = self.chassis.twist(wheel_rad);
-        let heading_rad = self.heading_rad(*counts);
+        let moved = self.moved(since);
+        let heading_rad = self.heading_rad(counts.map(|count| count as f64));
         if tick != self.tick.wrapping_add(1) {
             // Messages were lost: the chord of an arc points along the mean heading.
             let (sin, cos) = libm::sincos((self.pose.theta_rad + heading_rad) / 2.0);

@@ -172,13 +172,39 @@ struct Track {
 
 #[derive(Clone, Copy, Debug)]
 enum Shape {
-    Line { normal: (f64, f64), offset: f64 },
+    Line(Line),
     Circle { centre: WorldPoint, radius_m: f64 },
 }
 
 impl Default for Shape {
     fn default() -> Self {
-        Self::Line { normal: (0.0, 0.0), offset: 0.0 }
+        Self::Line(Line { normal: (0.0, 0.0), offset_m: 0.0 })
+    }
+}
+
+/// The straight line through the ends of a segment; through ends that coincide there is none, and everything lies
+/// on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Of length 1, to the left of the direction of travel.
+    pub normal: (f64, f64),
+    /// How far the line is from the origin, along the normal.
+    pub offset_m: f64,
+}
+
+impl Line {
+    /// The line of a straight segment.
+    pub fn of(segment: Segment) -> Self {
+        let length = segment.length_m().max(f64::MIN_POSITIVE);
+        let normal =
+            (-(segment.to.y_m - segment.from.y_m) / length, (segment.to.x_m - segment.from.x_m) / length);
+        Self { normal, offset_m: normal.0 * segment.from.x_m + normal.1 * segment.from.y_m }
+    }
+
+    /// Distance of a point, m.
+    #[inline]
+    pub fn distance_m(&self, point: WorldPoint) -> f64 {
+        (self.normal.0 * point.x_m + self.normal.1 * point.y_m - self.offset_m).abs()
     }
 }
 
@@ -193,7 +219,7 @@ impl Track {
 
     fn distance_m(&self, point: WorldPoint) -> f64 {
         match self.shape {
-            Shape::Line { normal, offset } => (normal.0 * point.x_m + normal.1 * point.y_m - offset).abs(),
+            Shape::Line(line) => line.distance_m(point),
             Shape::Circle { centre, radius_m } => (centre.distance_m(point) - radius_m).abs(),
         }
     }
@@ -204,10 +230,7 @@ impl Shape {
         if let Some(centre) = segment.centre() {
             return Self::Circle { centre, radius_m: centre.distance_m(segment.to) };
         }
-        let length = segment.length_m().max(f64::MIN_POSITIVE);
-        let normal =
-            (-(segment.to.y_m - segment.from.y_m) / length, (segment.to.x_m - segment.from.x_m) / length);
-        Self::Line { normal, offset: normal.0 * segment.from.x_m + normal.1 * segment.from.y_m }
+        Self::Line(Line::of(segment))
     }
 }
 

@@ -4,7 +4,7 @@
 //! passes around it.
 
 use hilare_interfaces::block::TICK_S;
-use hilare_interfaces::chassis::Chassis;
+use hilare_interfaces::chassis::{Chassis, DifferentialParams};
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::param_group;
 
@@ -33,25 +33,16 @@ param_group! {
 impl Limits {
     /// The twist that is carried out for a commanded one: inside v, ω and the motor diamond.
     pub fn constrain(&self, chassis: &Chassis, commanded: BodyTwist) -> BodyTwist {
-        let linear = if chassis.wheels() == 2 {
-            // [MH18] (9)–(11), (15)
-            (commanded.vx_mps.max(self.v_min_mps).min(self.v_max_mps), 0.0)
-        } else {
-            // The same for a chassis with a sideways speed: the vector is shortened, its
-            // direction kept.
-            let speed = commanded.speed_mps().abs();
-            let shorten = if speed > self.v_max_mps { self.v_max_mps / speed } else { 1.0 };
-            (commanded.vx_mps * shorten, commanded.vy_mps * shorten)
-        };
-        // [MH18] (12)–(14), (16), with g(0) = 0 so that a straight line stays straight.
-        let omega = if commanded.omega_radps == 0.0 {
-            0.0
-        } else {
-            let size = commanded.omega_radps.abs().max(self.omega_min_radps).min(self.omega_max_radps);
-            size.copysign(commanded.omega_radps)
-        };
-        let clamped = BodyTwist::new(linear.0, linear.1, omega);
-        // [MH18] (18)–(24): outside the motor diamond both shrink alike, so the curvature is kept.
+        if let Chassis::Differential(wheels) = chassis {
+            let [vx, omega] = self.constrain_differential(wheels, commanded.vx_mps, commanded.omega_radps);
+            return BodyTwist::new(vx, 0.0, omega);
+        }
+        // As (15) for a chassis with a sideways speed: the vector is shortened, its direction kept.
+        let speed = commanded.speed_mps().abs();
+        let shorten = if speed > self.v_max_mps { self.v_max_mps / speed } else { 1.0 };
+        let omega = self.constrain_turn(commanded.omega_radps);
+        let clamped = BodyTwist::new(commanded.vx_mps * shorten, commanded.vy_mps * shorten, omega);
+        // As (18)–(24).
         let motor_use = chassis.motor_use(clamped);
         if motor_use > 1.0 {
             BodyTwist::new(
@@ -62,6 +53,24 @@ impl Limits {
         } else {
             clamped
         }
+    }
+
+    /// The same for two wheels, where there is a forward speed and a yaw rate only.
+    #[inline]
+    pub fn constrain_differential(&self, wheels: &DifferentialParams, vx: f64, omega: f64) -> [f64; 2] {
+        // [MH18] (9)–(11), (15)
+        let vx = vx.max(self.v_min_mps).min(self.v_max_mps);
+        let omega = self.constrain_turn(omega);
+        // [MH18] (18)–(24): outside the motor diamond both shrink alike, so the curvature is kept.
+        let motor_use = wheels.motor_use(vx, omega);
+        if motor_use > 1.0 { [vx / motor_use, omega / motor_use] } else { [vx, omega] }
+    }
+
+    /// [MH18] (12)–(14), (16), with g(0) = 0 so that a straight line stays straight.
+    #[inline]
+    fn constrain_turn(&self, omega: f64) -> f64 {
+        let size = omega.abs().max(self.omega_min_radps).min(self.omega_max_radps);
+        if omega == 0.0 { 0.0 } else { size.copysign(omega) }
     }
 
     /// `wanted` after one tick, starting from `from`: as near to it as the accelerations allow. Linear and

@@ -28,6 +28,14 @@ use hilare_interfaces::state::{StateWords, Stateful};
 /// Steps a wheel is never in arrears by: a state that says so is not one. A wait is of at most some hundred ticks.
 const OWED_STEPS_MAX: f64 = 1e6;
 
+/// Wheel speeds of which none is above `most_radps`: all scaled alike.
+#[inline]
+pub fn within<const WHEELS: usize>(most_radps: f64, speeds_radps: [f64; WHEELS]) -> [f64; WHEELS] {
+    let fastest_radps = speeds_radps.iter().fold(0.0, |most: f64, speed| most.max(speed.abs()));
+    let scale = most_radps / fastest_radps;
+    speeds_radps.map(|speed| if fastest_radps > most_radps { speed * scale } else { speed })
+}
+
 /// Pulses of all wheels.
 #[derive(Clone, Debug)]
 pub struct PulseTrain {
@@ -83,10 +91,7 @@ impl PulseTrain {
     pub fn set_speeds(&mut self, mut speeds_radps: PerWheel<f64>) -> PerWheel<f64> {
         if let Some(pace) = self.pace {
             let most_radps = self.step_rad / (pace.interval as f64 * TICK_S);
-            let fastest_radps = speeds_radps.iter().fold(0.0, |most: f64, speed| most.max(speed.abs()));
-            if fastest_radps > most_radps {
-                speeds_radps = speeds_radps.map(|speed| speed * (most_radps / fastest_radps));
-            }
+            speeds_radps = within(most_radps, speeds_radps);
             self.ahead_rad = speeds_radps.map(|speed| speed * (pace.setup as f64 * TICK_S));
         }
         // [MH18] (26)
