@@ -5,6 +5,7 @@
 //! * [`manager`]: what makes processes a robot.
 //! * [`latency`]: how punctual it all is.
 //! * [`report`]: what a run came to.
+//! * [`reproduce`]: what the papers print, beside what comes out here.
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`cli`]: the `hilare` command.
 //! * `private`: what belongs to one user alone, in places that belong to everybody.
@@ -16,5 +17,6 @@ pub mod logging;
 pub mod manager;
 mod private;
 pub mod report;
+pub mod reproduce;
 pub mod shell;
 pub mod systemd;
