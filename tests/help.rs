@@ -32,6 +32,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "follow",
         "goal",
         "plan",
+        "reproduce",
         "latency",
         "diagram",
         "doctor",

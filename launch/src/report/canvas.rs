@@ -48,6 +48,10 @@ pub const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub const DARK: RGBColor = RGBColor(70, 70, 70);
 /// What stands back.
 pub const LIGHT: RGBColor = RGBColor(170, 170, 170);
+/// Blue that stands back, for many of a kind.
+pub const FAINT_BLUE: RGBColor = RGBColor(166, 206, 227);
+/// Orange that stands back.
+pub const FAINT_ORANGE: RGBColor = RGBColor(246, 216, 160);
 /// What stands farther back.
 pub const PALE: RGBColor = RGBColor(205, 205, 205);
 

@@ -6,16 +6,13 @@ use super::runs::{Driven, Drives, Job, drive_all};
 use super::{Picture, Section, fault};
 use crate::manager::Failure;
 use crate::report::Correction;
-use crate::report::canvas::{BLUE, DARK, GREEN, VERMILION};
+use crate::report::canvas::{BLUE, DARK, FAINT_BLUE, GREEN, VERMILION};
 use crate::report::chart::{Chart, Mark, Scale, Shape};
 use crate::report::plots::course;
 use hilare_interfaces::geometry::{WorldPoint, wrap_angle_rad};
 use hilare_interfaces::segment::Segment;
-use plotters::style::RGBColor;
 use std::io;
 
-/// Trails of the other seeds.
-const FAINT: RGBColor = RGBColor(166, 206, 227);
 /// Trails drawn at most.
 const TRAILS: usize = 20;
 /// The greatest distance the paper leaves, cm.
@@ -57,7 +54,7 @@ fn set_up(job: &Job) -> Result<Vec<String>, Failure> {
             number("camera.sd_m")? * 1e3,
             number("camera.sd_rad")?.to_degrees()
         ),
-        "Corrected is who is within 1 cm for good; afterwards is the last quarter of the run. Both are of the true robot. The \
+        "Corrected: within 1 cm for good. Afterwards: the last quarter of the run. Both are of the true robot. The \
          paper's (4) and (7) use arcsin and arctan for the same angle, and (4) has no value outside the circle; what ours \
          does instead stands in `services/controller/src/navigation_circle.rs`."
             .to_owned(),
@@ -164,7 +161,7 @@ fn centimetres((x, y): (f64, f64)) -> (f64, f64) {
 /// Trails of all seeds, the first one's on top.
 fn trails<'a>(driven: &[Driven], point: impl Fn((f64, f64)) -> (f64, f64) + Copy) -> Vec<Mark<'a>> {
     let others = driven.iter().skip(1).take(TRAILS).map(|run| run.trail.iter().copied().map(point).collect());
-    let mut marks = vec![Mark::new("further seeds", FAINT, 1, Shape::Curves(others.collect()))];
+    let mut marks = vec![Mark::new("further seeds", FAINT_BLUE, 1, Shape::Curves(others.collect()))];
     if let Some(run) = driven.first() {
         let trail: Points = run.rows.iter().map(|row| point((row.truth.x_m, row.truth.y_m))).collect();
         marks.push(Mark::new("robot, seed 1", BLUE, 2, Shape::Curves(vec![trail])));
@@ -189,7 +186,7 @@ fn draw_line(job: &Job, driven: &[Driven]) -> io::Result<Picture> {
         item: "figure 4",
         file: "paper2-figure-4.svg".to_owned(),
         caption: format!(
-            "figure 4: trajectories of the true robot, {} seeds; y is stretched",
+            "Trajectories of the true robot, {} seeds; y is stretched",
             driven.len().min(TRAILS + 1)
         ),
         svg: chart.svg()?,
@@ -223,7 +220,7 @@ fn draw_arc(job: &Job, bend: Bend, driven: &[Driven]) -> io::Result<Picture> {
     Ok(Picture {
         item: "figure 5",
         file: "paper2-figure-5.svg".to_owned(),
-        caption: format!("figure 5: trajectories of the true robot, {} seeds", driven.len().min(TRAILS + 1)),
+        caption: format!("Trajectories of the true robot, {} seeds", driven.len().min(TRAILS + 1)),
         svg: chart.svg()?,
     })
 }
@@ -247,7 +244,7 @@ fn draw_deviation(bend: Bend, driven: &[Driven]) -> io::Result<Picture> {
     let mut marks = vec![
         Mark::new("published: ± 1 cm", GREEN, 1, Shape::Band(-STEADY_CM..STEADY_CM)),
         Mark::new("published: corrected at 60°", VERMILION, 2, Shape::Post(60.0)),
-        Mark::new("further seeds", FAINT, 1, Shape::Curves(others)),
+        Mark::new("further seeds", FAINT_BLUE, 1, Shape::Curves(others)),
     ];
     if let Some(run) = driven.first() {
         let trail = polar(&mut run.rows.iter().map(|row| (row.truth.x_m, row.truth.y_m)));
@@ -263,7 +260,7 @@ fn draw_deviation(bend: Bend, driven: &[Driven]) -> io::Result<Picture> {
     Ok(Picture {
         item: "figure 5",
         file: "paper2-figure-5-deviation.svg".to_owned(),
-        caption: "figure 5: distance of the true robot to the arc".to_owned(),
+        caption: "Distance of the true robot to the arc".to_owned(),
         svg: chart.svg()?,
     })
 }

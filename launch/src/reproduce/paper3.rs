@@ -80,7 +80,7 @@ fn set_up(job: &Job) -> Result<Vec<String>, Failure> {
             number("camera.sd_m")? * 1e3,
             number("camera.sd_rad")?.to_degrees()
         ),
-        "Corrected is who is within 2 mm and 2° for good, afterwards is the last quarter of the run, both of the true robot; a \
+        "Corrected: within 2 mm and 2° for good. In table 3 the accuracy is that of the last quarter of the line. Both are of the true AGV; a \
          step is the camera's 0.1 s."
             .to_owned(),
     ])

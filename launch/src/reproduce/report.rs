@@ -1,6 +1,6 @@
 //! Markdown, JSON, pictures, and the tables for a terminal.
 
-use super::rows::Row;
+use super::rows::{Nearness, Row};
 use super::{Reproduction, Section};
 use crate::report::{make_dir, write_file};
 use std::fmt::Write;
@@ -42,10 +42,39 @@ pub fn markdown(reproduction: &Reproduction) -> String {
          difference is ours less the printed number, or how far ours is beyond a printed bound. *Not printed* is what \
          the paper does not say, or only draws: the texts we have of the papers are without their pictures."
     );
+    let _ = writeln!(text, "\n## In short\n\n{}", in_short(reproduction));
+    for row in off(reproduction) {
+        let _ = writeln!(text, "- {}", in_table(&row));
+    }
     for section in &reproduction.papers {
         section_markdown(&mut text, section);
     }
     text
+}
+
+/// How many rows come how near.
+fn in_short(reproduction: &Reproduction) -> String {
+    let rows = || reproduction.papers.iter().flat_map(|section| &section.rows);
+    let count = |nearness| rows().filter(|row| row.nearness() == nearness).count();
+    let [met, near, far] = [Nearness::Met, Nearness::WithinATenth, Nearness::Off].map(count);
+    format!(
+        "{} rows, {} with a printed number to hold ours against: {met} meet it to its last digit, or keep the printed bounds \
+         in every run; {near} are within a tenth; {far} are farther off, or beyond the bounds in some run:\n",
+        rows().count(),
+        met + near + far
+    )
+}
+
+/// The rows that are farthest off, each a line.
+fn off(reproduction: &Reproduction) -> Vec<String> {
+    let mut lines = Vec::new();
+    for section in &reproduction.papers {
+        for row in section.rows.iter().filter(|row| row.nearness() == Nearness::Off) {
+            let (paper, item, what) = (section.paper, row.item, row.what);
+            lines.push(format!("paper {paper}, {item}, {what}: {}", row.difference_text));
+        }
+    }
+    lines
 }
 
 fn join(words: impl Iterator<Item = String>, between: &str) -> String {
@@ -88,7 +117,8 @@ pub fn text(reproduction: &Reproduction) -> String {
         }
         text.push('\n');
     }
-    text
+    text + &in_short(reproduction)
+        + &off(reproduction).into_iter().map(|line| format!("  {line}\n")).collect::<String>()
 }
 
 fn text_row(text: &mut String, row: &Row) {

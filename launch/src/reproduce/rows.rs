@@ -67,6 +67,40 @@ pub struct OursCell {
     pub text: String,
 }
 
+/// How near a row comes to what is printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Nearness {
+    /// Nothing to compare: words on one side, or nothing printed.
+    NoNumber,
+    /// The printed number, to its last digit, or inside the printed bounds in every run.
+    Met,
+    /// Within a tenth of the printed number.
+    WithinATenth,
+    /// Farther from the number, or not inside the bounds in every run.
+    Off,
+}
+
+impl Row {
+    /// How near it comes.
+    pub fn nearness(&self) -> Nearness {
+        let Some(difference) = self.difference else { return Nearness::NoNumber };
+        let (low, high) = (self.published.low.unwrap_or(f64::NEG_INFINITY), self.published.high);
+        let high = high.unwrap_or(f64::INFINITY);
+        if low == high {
+            return match difference {
+                _ if self.difference_text.starts_with(NOTHING) => Nearness::Met,
+                off if off.abs() <= 0.1 * high.abs() => Nearness::WithinATenth,
+                _ => Nearness::Off,
+            };
+        }
+        let inside = |value: Option<f64>| value.is_some_and(|value| (low..=high).contains(&value));
+        if inside(self.ours.min) && inside(self.ours.max) { Nearness::Met } else { Nearness::Off }
+    }
+}
+
+/// The difference of what is equal as far as it is written.
+const NOTHING: &str = "none";
+
 /// An answer to a claim.
 struct Answer {
     item: String,
@@ -141,7 +175,8 @@ fn with_unit(claim: &Claim, number: &str) -> String {
 fn number(claim: &Claim, value: f64) -> String {
     let text = format!("{value:.*}", claim.decimals);
     // What is rounded to nothing has no sign.
-    if text.chars().all(|c| matches!(c, '-' | '0' | '.')) { text.replace('-', "") } else { text }
+    let nothing = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+    text.replace('-', if nothing { "" } else { "−" })
 }
 
 /// A published number as short as it is printed.
@@ -186,7 +221,7 @@ fn ours_cell(claim: &Claim, ours: &Ours) -> OursCell {
             cell(Some(middle), Some(low), Some(high), values.len(), text)
         }
         Ours::Range(low, high) => {
-            let range = format!("{} to {}", number(claim, *low), number(claim, *high));
+            let range = format!("{} to {}", printed(*low), printed(*high));
             cell(None, Some(*low), Some(*high), 0, with_unit(claim, &range))
         }
         Ours::Text(text) => cell(None, None, None, 0, text.clone()),
@@ -209,19 +244,25 @@ fn difference(claim: &Claim, ours: &Ours) -> (Option<f64>, String) {
         Value::Says(_) | Value::Unprinted => return (None, "–".to_owned()),
     };
     let off = (ours - high).max(0.0) - (low - ours).max(0.0);
-    let kept = values.iter().filter(|value| (low..=high).contains(*value)).count();
+    let kept = if low.is_finite() { "inside" } else { "kept" };
+    let of_runs = match values.len() {
+        1 => String::new(),
+        runs => {
+            let count = values.iter().filter(|value| (low..=high).contains(*value)).count();
+            format!(" in {count} of {runs} runs")
+        }
+    };
     let words = match (off == 0.0, values.len()) {
-        (true, 1) => "kept".to_owned(),
+        (true, _) => format!("{kept}{of_runs}"),
         (false, 1) => signed(claim, off),
-        (true, runs) => format!("kept by {kept} of {runs} runs"),
-        (false, runs) => format!("{}; kept by {kept} of {runs} runs", signed(claim, off)),
+        (false, _) => format!("{}; {kept}{of_runs}", signed(claim, off)),
     };
     (Some(off), words)
 }
 
 fn range_words(published: Value, low: f64, high: f64) -> &'static str {
     match published {
-        Value::Between(least, greatest) if (low, high) == (least, greatest) => "none",
+        Value::Between(least, greatest) if (low, high) == (least, greatest) => NOTHING,
         Value::Between(least, greatest) if low <= least && high >= greatest => "ours is wider",
         Value::Between(..) => "ours is another range",
         _ => "–",
@@ -231,7 +272,7 @@ fn range_words(published: Value, low: f64, high: f64) -> &'static str {
 fn off_a_number(claim: &Claim, values: &[f64], published: f64) -> (Option<f64>, String) {
     let off = mean(values) - published;
     let nothing = number(claim, off.abs()).chars().all(|c| matches!(c, '0' | '.'));
-    let mut words = if nothing { "none".to_owned() } else { signed(claim, off) };
+    let mut words = if nothing { NOTHING.to_owned() } else { signed(claim, off) };
     if !nothing && published != 0.0 {
         let percent = 100.0 * off / published;
         let decimals = usize::from(percent.abs() < 1.0);
@@ -270,9 +311,9 @@ mod tests {
         let between = |ours| difference(&claim(Value::Between(1.0, 2.0)), &Ours::One(ours));
         assert_eq!(between(0.5), (Some(-0.5), "−0.50 mm".to_owned()));
         assert_eq!(between(2.5), (Some(0.5), "+0.50 mm".to_owned()));
-        assert_eq!(between(1.5), (Some(0.0), "kept".to_owned()));
+        assert_eq!(between(1.5), (Some(0.0), "inside".to_owned()));
         let at_most = difference(&claim(Value::AtMost(2.0)), &Ours::Many(vec![1.0, 1.5, 2.5]));
-        assert_eq!(at_most, (Some(0.0), "kept by 2 of 3 runs".to_owned()));
+        assert_eq!(at_most, (Some(0.0), "kept in 2 of 3 runs".to_owned()));
         assert_eq!(difference(&claim(Value::Unprinted), &Ours::One(1.0)), (None, "–".to_owned()));
     }
 
@@ -293,6 +334,6 @@ mod tests {
     #[test]
     fn what_rounds_to_nothing_has_no_sign() {
         assert_eq!(number(&claim(Value::Unprinted), -0.001), "0.00");
-        assert_eq!(number(&claim(Value::Unprinted), -0.1), "-0.10");
+        assert_eq!(number(&claim(Value::Unprinted), -0.1), "−0.10");
     }
 }

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// Points a trail is thinned to.
-const TRAIL: usize = 240;
+const TRAIL: usize = 360;
 
 /// A job with its path.
 pub struct Job {

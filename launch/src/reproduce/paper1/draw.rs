@@ -2,17 +2,14 @@
 
 use super::super::Picture;
 use super::super::runs::{Driven, Job};
-use crate::report::canvas::{BLUE, DARK, ORANGE, STONE, VERMILION};
+use crate::report::canvas::{BLUE, DARK, FAINT_BLUE, ORANGE, STONE, VERMILION};
 use crate::report::chart::{Chart, Mark, Scale, Shape};
 use crate::report::plots::course;
 use crate::report::shapes;
 use hilare_interfaces::block::TICK_S;
 use hilare_recorder::trace::TraceRow;
-use plotters::style::RGBColor;
 use std::io;
 
-/// Trails of the other seeds.
-const FAINT: RGBColor = RGBColor(166, 206, 227);
 /// Trails drawn at most.
 const TRAILS: usize = 20;
 /// Not drawn of the velocity error, s: the start from rest, beside which the rest could not be seen.
@@ -63,7 +60,12 @@ pub fn simulation(job: &Job, driven: &Driven) -> io::Result<Vec<Picture>> {
         y_name: "linear velocity (mm/s)",
         scale: Scale::Own,
         marks: vec![
-            Mark::new("way of the robot in 0.1 s", FAINT, 1, Shape::Curves(vec![true_speed(&driven.rows)])),
+            Mark::new(
+                "way of the robot in 0.1 s",
+                FAINT_BLUE,
+                1,
+                Shape::Curves(vec![true_speed(&driven.rows)]),
+            ),
             Mark::new("reference v_r", DARK, 1, Shape::Level(v_r)),
             Mark::new("commanded", BLUE, 2, Shape::Curves(vec![commanded_speed(&driven.rows)])),
         ],
@@ -98,7 +100,7 @@ fn trail_marks<'a>(job: &Job, driven: &[Driven]) -> Vec<Mark<'a>> {
     let trails: Vec<Points> =
         driven.iter().skip(1).take(TRAILS).map(|run| scaled(run.trail.iter().copied())).collect();
     if !trails.is_empty() {
-        marks.push(Mark::new("robot, further seeds", FAINT, 1, Shape::Curves(trails)));
+        marks.push(Mark::new("robot, further seeds", FAINT_BLUE, 1, Shape::Curves(trails)));
     }
     let course: Points = scaled(course(&job.waypoints).map(|p| (p.x_m, p.y_m)));
     marks.push(Mark::new("reference, waypoints", DARK, 1, Shape::Dots(course)));
@@ -126,17 +128,14 @@ pub fn experiment(item: &'static str, what: &str, job: &Job, driven: &[Driven]) 
     let mut pictures = vec![Picture {
         item,
         file: format!("paper1-figure-{number}a.svg"),
-        caption: format!(
-            "{item} (a): trajectories of the true robot, {} seeds",
-            driven.len().min(TRAILS + 1)
-        ),
+        caption: format!("(a) Trajectories of the true robot, {} seeds", driven.len().min(TRAILS + 1)),
         svg: path.svg()?,
     }];
     if let Some(run) = driven.first() {
         pictures.push(Picture {
             item,
             file: format!("paper1-figure-{number}b.svg"),
-            caption: format!("{item} (b): linear velocity error of seed 1, without the start from rest"),
+            caption: "(b) Linear velocity error of seed 1, without the start from rest".to_owned(),
             svg: velocity_error(item, what, job, run)?,
         });
     }
@@ -150,7 +149,7 @@ fn velocity_error(item: &str, what: &str, job: &Job, run: &Driven) -> io::Result
     };
     let ours = run.figures.speed_error_truth_mean_mps * 1e3;
     let mut marks = vec![
-        Mark::new("robot, over 0.1 s", FAINT, 1, Shape::Curves(vec![off(true_speed(&run.rows))])),
+        Mark::new("robot, over 0.1 s", FAINT_BLUE, 1, Shape::Curves(vec![off(true_speed(&run.rows))])),
         Mark::new("commanded", BLUE, 2, Shape::Curves(vec![off(commanded_speed(&run.rows))])),
     ];
     let ours_name = format!("mean of the robot {ours:.2} mm/s");

@@ -4,7 +4,7 @@ use super::super::Picture;
 use super::super::runs::{Driven, Job};
 use super::SHOWN;
 use super::plans::{STEPS, Simulated};
-use crate::report::canvas::{BLUE, DARK, GREEN, ORANGE, VERMILION};
+use crate::report::canvas::{BLUE, DARK, FAINT_BLUE, FAINT_ORANGE, GREEN, ORANGE, VERMILION};
 use crate::report::chart::{Chart, Mark, Scale, Shape};
 use hilare_interfaces::block::TICK_S;
 use hilare_recorder::trace::TraceRow;
@@ -13,8 +13,10 @@ use std::io;
 
 /// Colours of the step counts, of Okabe and Ito's.
 const COLORS: [RGBColor; STEPS.len()] = [VERMILION, BLUE, GREEN, ORANGE];
-/// Colours of the two speeds.
-const SPEEDS: [RGBColor; 2] = [BLUE, VERMILION];
+/// Colours of the two speeds, of the first seed and of the others.
+const SPEEDS: [(RGBColor, RGBColor); 2] = [(BLUE, FAINT_BLUE), (ORANGE, FAINT_ORANGE)];
+/// Curves drawn at most of a speed.
+const CURVES: usize = 21;
 
 type Points = Vec<(f64, f64)>;
 
@@ -42,7 +44,7 @@ pub fn plans(item: &'static str, simulated: &Simulated) -> io::Result<Vec<Pictur
         pictures.push(Picture {
             item,
             file: format!("paper3-figure-{number}{part}.svg"),
-            caption: format!("{item} ({part}): {what} deviation over N steps, {speed} m/s"),
+            caption: format!("({part}) The {what} deviation over N steps, {speed} m/s"),
             svg: chart.svg()?,
         });
     }
@@ -71,10 +73,14 @@ pub fn experiment(jobs: &[Job], measured: &[Vec<Driven>]) -> io::Result<Vec<Pict
     ] {
         let mut marks = vec![
             Mark::new(name, GREEN, 1, Shape::Band(-band..band)),
-            Mark::new("published: corrected in 10 steps", DARK, 2, Shape::Post(10.0)),
+            Mark::new("published: corrected in 10 steps", VERMILION, 2, Shape::Post(10.0)),
             Mark::new("", DARK, 1, Shape::Level(0.0)),
         ];
-        for ((driven, name), color) in measured.iter().zip(&names).zip(SPEEDS) {
+        for (driven, (_, faint)) in measured.iter().zip(SPEEDS) {
+            let others = driven.iter().take(CURVES).skip(1).map(|run| curve(&run.rows, value)).collect();
+            marks.push(Mark::new("further seeds", faint, 1, Shape::Curves(others)));
+        }
+        for ((driven, name), (color, _)) in measured.iter().zip(&names).zip(SPEEDS) {
             if let Some(run) = driven.first() {
                 marks.push(Mark::new(name, color, 2, Shape::Curves(vec![curve(&run.rows, value)])));
             }
@@ -85,7 +91,7 @@ pub fn experiment(jobs: &[Job], measured: &[Vec<Driven>]) -> io::Result<Vec<Pict
         pictures.push(Picture {
             item: "figure 9",
             file: format!("paper3-figure-9-{file}.svg"),
-            caption: format!("figure 9: {what} deviation of the true AGV, seed 1"),
+            caption: format!("The {what} deviation of the true AGV"),
             svg: chart.svg()?,
         });
     }
