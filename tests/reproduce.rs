@@ -223,7 +223,7 @@ fn a_run_of_the_list_ends_in_the_same_bits_alone() {
     }
 }
 
-/// Names of the elements that are open at some place, and an error where they do not nest.
+/// An error where elements do not nest, or a quote, a bracket or an ampersand is loose.
 fn check_xml(svg: &str) -> Result<(), String> {
     let mut open: Vec<&str> = Vec::new();
     let mut seen = 0;
@@ -235,10 +235,8 @@ fn check_xml(svg: &str) -> Result<(), String> {
         if tag.matches('"').count() % 2 != 0 || text.contains('>') {
             return Err(format!("quotes or brackets do not match: {part:.60}"));
         }
-        let loose = text
-            .split('&')
-            .skip(1)
-            .find(|rest| !rest.split_once(';').is_some_and(|(name, _)| name.len() < 6));
+        let loose =
+            text.split('&').skip(1).find(|rest| rest.split_once(';').is_none_or(|(name, _)| name.len() >= 6));
         if let Some(loose) = loose {
             return Err(format!("a bare ampersand: {loose:.40}"));
         }

@@ -1,12 +1,9 @@
 //! A figure of a paper, drawn again: curves, what is published as levels, posts and bands.
 
-use super::canvas::{
-    Axes, BOTTOM, DARK, Drawn, GREEN, Key, STONE, Sample, VERMILION, axes, line, px, sheet, text_style, top,
-};
+use super::canvas::{Axes, BOTTOM, Drawn, GREEN, Key, Sample, VERMILION, axes, line, px, sheet, top};
 use super::plots::Plane;
 use super::thin;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, VPos};
 use std::io;
 use std::ops::Range;
 
@@ -75,8 +72,6 @@ pub enum Shape {
     Areas(Vec<Vec<(f64, f64)>>),
     /// Where a robot starts and where it ends.
     Ends((f64, f64), (f64, f64)),
-    /// A word beside a point.
-    Word((f64, f64), String),
 }
 
 impl Shape {
@@ -86,7 +81,6 @@ impl Shape {
             Self::Curves(curves) => curves.concat(),
             Self::Dots(dots) => dots.clone(),
             Self::Ends(start, end) => vec![*start, *end],
-            Self::Word(at, _) => vec![*at],
             // What is cut at the rim, or runs across.
             Self::Areas(_) | Self::Level(_) | Self::Post(_) | Self::Band(_) => Vec::new(),
         }
@@ -98,9 +92,8 @@ impl Shape {
             Self::Dots(_) if width > 0 => vec![Sample::Waypoint(color)],
             Self::Dots(_) => vec![Sample::Dot(color)],
             Self::Band(_) => vec![Sample::Band(color, TINT)],
-            Self::Areas(_) => vec![Sample::Line(STONE, 9)],
+            Self::Areas(_) => vec![Sample::Line(color, 9)],
             Self::Ends(..) => vec![Sample::Start, Sample::End],
-            Self::Word(..) => Vec::new(),
         }
     }
 }
@@ -194,10 +187,6 @@ fn draw_mark(chart: &mut Axes<'_, '_>, mark: &Mark<'_>, x: &Range<f64>, y: &Rang
         Shape::Ends(start, end) => {
             chart.draw_series([Circle::new(*start, px(5), GREEN.filled())])?;
             chart.draw_series([TriangleMarker::new(*end, px(7), VERMILION.filled())])?;
-        }
-        Shape::Word(at, word) => {
-            let style = text_style(12, DARK, HPos::Left, VPos::Bottom);
-            chart.draw_series([Text::new(word.clone(), *at, style)])?;
         }
     }
     Ok(())

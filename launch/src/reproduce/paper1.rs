@@ -2,7 +2,7 @@
 
 use super::published::PAPER_1;
 use super::rows::{Ours, Rows};
-use super::runs::{Drives, Job, drive_all};
+use super::runs::{Job, Trial, drive_all};
 use super::{Picture, Section, fault};
 use crate::config::{Form, keys};
 use crate::manager::Failure;
@@ -76,7 +76,7 @@ fn simulation(rows: &mut Rows, pictures: &mut Vec<Picture>, job: &Job) -> Result
     ] {
         rows.give("figure 7", key, Ours::One(job.number(path)? * factor), "as printed");
     }
-    let driven = drive_all(&[Drives { job, set: Vec::new(), seed: 1, rows: true }])?.remove(0);
+    let driven = drive_all(&[Trial { job, set: Vec::new(), seed: 1, rows: true }])?.remove(0);
     let corners = points_text(&job.waypoints);
     rows.give(
         "figure 7",
@@ -95,7 +95,12 @@ fn simulation(rows: &mut Rows, pictures: &mut Vec<Picture>, job: &Job) -> Result
         slowest * 1e3,
         fastest * 1e3
     );
-    rows.give("figure 8", "curve", Ours::Text(curve), "the motors' diamond slows the robot where it turns");
+    rows.give(
+        "figure 8",
+        "curve",
+        Ours::Text(curve),
+        "where the path turns v_r cos θ_e in (7) slows the robot, to v_min where it turns by 90° or more",
+    );
     pictures.extend(draw::simulation(job, &driven).map_err(fault)?);
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::published::PAPER_2;
 use super::rows::{Ours, Rows};
-use super::runs::{Driven, Drives, Job, drive_all};
+use super::runs::{Driven, Job, Trial, drive_all};
 use super::{Picture, Section, fault};
 use crate::manager::Failure;
 use crate::report::Correction;
@@ -24,9 +24,9 @@ type Points = Vec<(f64, f64)>;
 pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
     let mut rows = Rows::new(&PAPER_2);
     let (line, arc) = (Job::load("line-21deg")?, Job::load("arc-102cm")?);
-    let drives = |job| (1..=seeds).map(move |seed| Drives { job, set: Vec::new(), seed, rows: seed == 1 });
-    let on_line = drive_all(&drives(&line).collect::<Vec<_>>())?;
-    let on_arc = drive_all(&drives(&arc).collect::<Vec<_>>())?;
+    let trials = |job| (1..=seeds).map(move |seed| Trial { job, set: Vec::new(), seed, rows: seed == 1 });
+    let on_line = drive_all(&trials(&line).collect::<Vec<_>>())?;
+    let on_arc = drive_all(&trials(&arc).collect::<Vec<_>>())?;
     figure_4(&mut rows, &line, &on_line)?;
     let bend = figure_5(&mut rows, &arc, &on_arc)?;
     let pictures = vec![
@@ -42,6 +42,7 @@ pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
 fn set_up(job: &Job) -> Result<Vec<String>, Failure> {
     let number = |key| job.number(key);
     Ok(vec![
+        "Not here: figures 1 to 3, which are drawings.".to_owned(),
         "Not printed: every dimension and mass of the cart, its motors, the radius R_0 of the navigation circle, the gains \
          of the PID, the sampling time, the speed on the line, what the positioning system does; both curves are pictures \
          the text has lost."
@@ -131,12 +132,7 @@ fn figure_5(rows: &mut Rows, job: &Job, driven: &[Driven]) -> Result<Bend, Failu
     rows.give(item, "radius", Ours::One(bend.radius_m * 100.0), "as printed");
     let start = job.scenario.system.start.position().distance_m(bend.centre) - bend.radius_m;
     rows.give(item, "start", Ours::One(start * 100.0), "follows from centre, radius and start");
-    rows.give(
-        item,
-        "speed",
-        Ours::One(job.number("tracking.speed_mps")?),
-        "as printed; at once, as at a start by hand",
-    );
+    rows.give(item, "speed", Ours::One(job.number("tracking.speed_mps")?), "as printed; from rest");
     let corrections = corrections(job, driven)?;
     let overshoots = corrections.iter().map(|correction| correction.overshoots as f64).collect();
     rows.give(

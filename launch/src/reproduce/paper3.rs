@@ -2,7 +2,7 @@
 
 use super::published::PAPER_3;
 use super::rows::{Ours, Rows};
-use super::runs::{Driven, Drives, Job, drive_all};
+use super::runs::{Driven, Job, Trial, drive_all};
 use super::{Section, fault};
 use crate::manager::Failure;
 use crate::report::Correction;
@@ -63,6 +63,7 @@ pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
 fn set_up(job: &Job) -> Result<Vec<String>, Failure> {
     let number = |key| job.number(key);
     Ok(vec![
+        "Not here: figures 1 to 4, 7 and 8, which are drawings and a photograph.".to_owned(),
         "Not printed: the step counts drawn in figures 5 and 6, dimensions and masses of the AGV, its camera, its lags, and \
          speed and deviation in figure 9; all curves are pictures the text has lost."
             .to_owned(),
@@ -88,8 +89,8 @@ fn set_up(job: &Job) -> Result<Vec<String>, Failure> {
 
 fn drive(job: &Job, law: &str, slip_sd: f64, seeds: u64) -> Result<Vec<Driven>, Failure> {
     let set = vec![format!("controller.law={law}"), format!("plant.roller_slip_sd={slip_sd}")];
-    let drives = (1..=seeds).map(|seed| Drives { job, set: set.clone(), seed, rows: true });
-    drive_all(&drives.collect::<Vec<_>>())
+    let trials = (1..=seeds).map(|seed| Trial { job, set: set.clone(), seed, rows: true });
+    drive_all(&trials.collect::<Vec<_>>())
 }
 
 fn tables_1_and_2(rows: &mut Rows, speed: &Speed, job: &Job) -> Result<(), Failure> {

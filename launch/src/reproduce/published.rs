@@ -185,7 +185,7 @@ const PAPER_1_TABLE_3: &[Claim] = &[
 pub static PAPER_2: Paper = Paper {
     number: 2,
     source: "*Research on algorithm of wheeled mobile robot's trajectory tracking*, Journal of Mechanical & Electrical \
-             Engineering 29 (2012) 730–732. Its text has no authors.",
+             Engineering 29 (2012) 730–732. The text we have names no authors.",
     items: &[
         Item {
             name: "figure 4",

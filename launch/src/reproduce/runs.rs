@@ -46,7 +46,7 @@ impl Job {
 }
 
 /// One drive of a job.
-pub struct Drives<'a> {
+pub struct Trial<'a> {
     /// The job.
     pub job: &'a Job,
     /// Keys set beside the scenario's.
@@ -84,20 +84,20 @@ pub struct Note {
     pub state_hash: String,
 }
 
-/// Drives them all, in the order given.
-pub fn drive_all(drives: &[Drives<'_>]) -> Result<Vec<Driven>, Failure> {
+/// Trial them all, in the order given.
+pub fn drive_all(trials: &[Trial<'_>]) -> Result<Vec<Driven>, Failure> {
     let next = AtomicUsize::new(0);
-    let done: Vec<Mutex<Option<Result<Driven, Failure>>>> = drives.iter().map(|_| Mutex::new(None)).collect();
+    let done: Vec<Mutex<Option<Result<Driven, Failure>>>> = trials.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
-        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|n| *n < drives.len()) {
-            let driven = drive(&drives[index]);
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|n| *n < trials.len()) {
+            let driven = drive(&trials[index]);
             if let Ok(mut slot) = done[index].lock() {
                 *slot = Some(driven);
             }
         }
     };
     thread::scope(|scope| {
-        let workers = thread::available_parallelism().map_or(1, usize::from).min(drives.len());
+        let workers = thread::available_parallelism().map_or(1, usize::from).min(trials.len());
         for _ in 1..workers {
             scope.spawn(work);
         }
@@ -107,8 +107,8 @@ pub fn drive_all(drives: &[Drives<'_>]) -> Result<Vec<Driven>, Failure> {
     done.into_iter().map(|slot| slot.into_inner().ok().flatten().unwrap_or_else(lost)).collect()
 }
 
-fn drive(drives: &Drives<'_>) -> Result<Driven, Failure> {
-    let Drives { job, set, seed, rows: keep } = drives;
+fn drive(trial: &Trial<'_>) -> Result<Driven, Failure> {
+    let Trial { job, set, seed, rows: keep } = trial;
     let scenario = &job.scenario;
     let mut system: System = scenario.system.clone();
     let mut keys = set.clone();

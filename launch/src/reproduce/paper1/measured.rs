@@ -1,7 +1,7 @@
 //! The three experiments, which the paper measured on its robot: figures 10 to 12, table 3.
 
 use super::super::rows::{Ours, Rows};
-use super::super::runs::{Driven, Drives, Job, Note, drive_all};
+use super::super::runs::{Driven, Job, Note, Trial, drive_all};
 use super::super::{Picture, fault};
 use super::{draw, points_text};
 use crate::manager::Failure;
@@ -75,20 +75,20 @@ impl Wrong {
         keys
     }
 
-    fn drives(self, job: &Job, seeds: u64) -> Vec<Drives<'_>> {
+    fn trials(self, job: &Job, seeds: u64) -> Vec<Trial<'_>> {
         // The curves of a figure are those of the first seed.
-        let drives = |seed| Drives { job, set: self.keys(seed), seed, rows: seed == 1 };
-        (1..=seeds).map(drives).collect()
+        let trial = |seed| Trial { job, set: self.keys(seed), seed, rows: seed == 1 };
+        (1..=seeds).map(trial).collect()
     }
 }
 
-/// Drives them; the runs with everything wrong are those that can be had again.
+/// Trial them; the runs with everything wrong are those that can be had again.
 pub fn experiments(rows: &mut Rows, pictures: &mut Vec<Picture>, seeds: u64) -> Result<Vec<Note>, Failure> {
     let mut notes = Vec::new();
     let mut order = Vec::new();
     for experiment in &EXPERIMENTS {
         let job = Job::load(experiment.scenario)?;
-        let driven = drive_all(&Wrong::Everything.drives(&job, seeds))?;
+        let driven = drive_all(&Wrong::Everything.trials(&job, seeds))?;
         figure(rows, experiment, &job, &driven);
         order.push((experiment.name, mean(&cross_tracks(&driven))));
         table_3(rows, experiment, &job, &driven)?;
@@ -174,8 +174,12 @@ fn table_3(rows: &mut Rows, experiment: &Experiment, job: &Job, driven: &[Driven
     give("speed", Ours::Many(truth), why_truth);
     let commanded = millimetres(driven, |run| run.figures.speed_error_mean_mps);
     let why_commanded = match name {
-        "so" => "the paper's waypoints are not printed; the more a path bends the more it slows the robot",
-        "platform" => "obstacles and path are not printed; the more a path bends the more it slows the robot",
+        "so" => {
+            "the paper's waypoints are not printed; where a path bends v_r cos θ_e in (7) slows the robot"
+        }
+        "platform" => {
+            "obstacles and path are not printed; where a path bends v_r cos θ_e in (7) slows the robot"
+        }
         _ => {
             "the corners decide it, and they are printed; the same in every run, as the robot counts its steps"
         }
@@ -184,13 +188,13 @@ fn table_3(rows: &mut Rows, experiment: &Experiment, job: &Job, driven: &[Driven
     let seeds = driven.len() as u64;
     for (key, wrong, why) in [
         ("nothing", Wrong::Nothing, "the law's own error, as in the paper's simulation"),
-        ("slip", Wrong::Slip, "the robot believes to be farther than it is"),
+        ("slip", Wrong::Slip, "the robot takes itself to be farther than it is, and its heading wanders"),
         ("wheels", Wrong::Wheels, "its heading drifts with the way and with every turn"),
         ("start", Wrong::Start, "its path is turned and shifted as a whole"),
     ] {
         // Without noise every seed is the same run.
         let runs = if wrong == Wrong::Nothing { 1 } else { seeds };
-        let alone = cross_tracks(&drive_all(&wrong.drives(job, runs))?);
+        let alone = cross_tracks(&drive_all(&wrong.trials(job, runs))?);
         let ours = if wrong == Wrong::Nothing { Ours::One(mean(&alone)) } else { Ours::Many(alone) };
         give(key, ours, why);
     }
@@ -199,7 +203,7 @@ fn table_3(rows: &mut Rows, experiment: &Experiment, job: &Job, driven: &[Driven
 
 fn left_open(rows: &mut Rows, seeds: u64) -> Result<(), Failure> {
     let job = Job::load("rectangle-open")?;
-    let driven = drive_all(&Wrong::Everything.drives(&job, seeds))?;
+    let driven = drive_all(&Wrong::Everything.trials(&job, seeds))?;
     let why = "the same, ended at the fourth corner: the paper lists four and does not say";
     rows.give("table 3", "open/cross_track", Ours::Many(cross_tracks(&driven)), why);
     let speed = millimetres(&driven, |run| run.figures.speed_error_truth_mean_mps);
@@ -210,6 +214,8 @@ fn left_open(rows: &mut Rows, seeds: u64) -> Result<(), Failure> {
 /// What is unknown, and what is assumed instead.
 pub fn set_up() -> Vec<String> {
     vec![
+        "Not here: figures 1 to 5 and 9, which are drawings and a photograph, and figure 6, the front of the search for gains."
+            .to_owned(),
         "Not printed: the trapezoid's corners; the obstacles and the roadmap of figure 10; the waypoints of figure 12; \
          whether the rectangle is driven round to its first corner; how much the robot slips, how unequal its wheels are, \
          how well it is placed; how the camera measures."
