@@ -6,6 +6,7 @@
 //! * [`latency`]: how punctual it all is.
 //! * [`report`]: what a run came to.
 //! * [`topic`]: what the wires carry, for people.
+//! * [`reproduce`]: what the papers print, beside what comes out here.
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`tuning`]: parameters of a law, searched for.
 //! * [`cli`]: the `hilare` command.
@@ -18,6 +19,7 @@ pub mod logging;
 pub mod manager;
 mod private;
 pub mod report;
+pub mod reproduce;
 pub mod shell;
 pub mod systemd;
 pub mod topic;

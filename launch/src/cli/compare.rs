@@ -88,7 +88,7 @@ pub fn compare(args: &CompareArgs) -> VerbResult {
             )));
         }
     }
-    let out = out_dir(args)?;
+    let out = out_dir(args.out.as_deref(), "compare")?;
     let mut rows = Vec::new();
     let mut text = String::new();
     for job in &jobs {
@@ -120,13 +120,15 @@ fn chosen_laws(names: &[String]) -> Result<Vec<&'static LawSpec>, Failure> {
     names.iter().map(find).collect()
 }
 
-fn out_dir(args: &CompareArgs) -> Result<PathBuf, Failure> {
-    let dir = match &args.out {
-        Some(dir) => dir.clone(),
+/// The directory a verb was given, or the next free `runs/VERB-N`; made now, so that an unwritable one is known
+/// before anything runs.
+pub(super) fn out_dir(given: Option<&Path>, verb: &str) -> Result<PathBuf, Failure> {
+    let dir = match given {
+        Some(dir) => dir.to_owned(),
         None => {
             let free =
-                (1u64..).map(|n| Path::new("runs").join(format!("compare-{n}"))).find(|dir| !dir.exists());
-            free.unwrap_or_else(|| PathBuf::from("runs/compare"))
+                (1u64..).map(|n| Path::new("runs").join(format!("{verb}-{n}"))).find(|dir| !dir.exists());
+            free.unwrap_or_else(|| Path::new("runs").join(verb))
         }
     };
     fs::create_dir_all(&dir)

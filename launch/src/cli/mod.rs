@@ -12,7 +12,8 @@ mod header;
 mod latency;
 mod operate;
 mod plan;
-mod run;
+mod reproduce;
+pub(crate) mod run;
 mod service;
 mod systemd;
 mod topic;
@@ -114,6 +115,12 @@ enum Verb {
         Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
     )]
     Tune(Box<tune::TuneArgs>),
+    /// The figures and tables of the three papers, beside what they print
+    #[command(
+        after_help = "Examples:\n  hilare reproduce\n  hilare reproduce 1 --seeds 100 --out runs/paper1\n  \
+        hilare reproduce 3 --json\nExit codes: 0 done (differences are shown), 1 fault, 2 wrong use or bad input."
+    )]
+    Reproduce(reproduce::ReproduceArgs),
     /// Change the controller, or the parameters of a box, while the robot drives
     #[command(after_help = "Examples: hilare swap controller qp\n  \
         hilare swap controller ./my_controller.py\n  \
@@ -188,6 +195,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Tune(args)) => tune::tune(&args),
+        Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
         Some(Verb::Topic(args)) => topic::topic(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),

@@ -147,7 +147,7 @@ pub struct Drive<'a> {
 
 /// The path of a scenario: its own, or the planner's. The planner's process finds the same one: same
 /// map, same seed, same bits.
-pub(super) fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<Waypoint>, Failure> {
+pub(crate) fn path_of(scenario: &Scenario, map: Option<&Map>) -> Result<Vec<Waypoint>, Failure> {
     let system = &scenario.system;
     match &scenario.task {
         Task::Follow(waypoints) => {
@@ -235,7 +235,7 @@ pub(super) fn set_with_drivers(
 }
 
 /// The seeds of everything that is random.
-pub(super) fn seed_keys(seed: u64) -> [String; 2] {
+pub(crate) fn seed_keys(seed: u64) -> [String; 2] {
     [format!("plant.seed={seed}"), format!("camera.seed={seed}")]
 }
 
@@ -286,7 +286,7 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
 
 /// Ticks after which a run that has not arrived is ended: five times what the path takes at the
 /// reference speed, and a minute.
-pub(super) fn time_limit(drive: &Drive<'_>) -> Tick {
+pub(crate) fn time_limit(drive: &Drive<'_>) -> Tick {
     let speed_mps = drive.scenario.system.tracking.speed_mps.max(1e-4);
     let seconds = 60.0 + 5.0 * path_length_m(drive) / speed_mps;
     (seconds.min(1e7) as Tick) * TICKS_PER_SECOND

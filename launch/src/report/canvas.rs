@@ -48,6 +48,10 @@ pub const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub const DARK: RGBColor = RGBColor(70, 70, 70);
 /// What stands back.
 pub const LIGHT: RGBColor = RGBColor(170, 170, 170);
+/// Blue that stands back, for many of a kind.
+pub const FAINT_BLUE: RGBColor = RGBColor(166, 206, 227);
+/// Orange that stands back.
+pub const FAINT_ORANGE: RGBColor = RGBColor(246, 216, 160);
 /// What stands farther back.
 pub const PALE: RGBColor = RGBColor(205, 205, 205);
 
@@ -79,6 +83,10 @@ pub enum Sample {
     Waypoint(RGBColor),
     /// A circle.
     Ring(RGBColor),
+    /// A point.
+    Dot(RGBColor),
+    /// A band filled with a part of this colour.
+    Band(RGBColor, f64),
     /// Where it starts.
     Start,
     /// Where it ends.
@@ -287,6 +295,11 @@ fn draw_legend(root: &Area<'_>, legend: &[Key]) -> Drawn {
                     root.draw(&Circle::new(middle, px(3), color.filled()))?;
                 }
                 Sample::Ring(color) => root.draw(&Circle::new(middle, px(7), line(color, 1)))?,
+                Sample::Dot(color) => root.draw(&Circle::new(middle, px(4), color.filled()))?,
+                Sample::Band(color, part) => {
+                    let corners = [(from.0, from.1 - px(6)), (to.0, to.1 + px(6))];
+                    root.draw(&Rectangle::new(corners, color.mix(part).filled()))?;
+                }
                 Sample::Start => root.draw(&Circle::new(middle, px(5), GREEN.filled()))?,
                 Sample::End => root.draw(&TriangleMarker::new(middle, px(7), VERMILION.filled()))?,
             }

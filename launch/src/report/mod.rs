@@ -3,9 +3,10 @@
 
 pub(crate) mod canvas;
 mod labels;
-mod shapes;
-mod thin;
+pub(crate) mod shapes;
+pub(crate) mod thin;
 
+pub mod chart;
 pub mod correction;
 pub mod curves;
 pub mod overlay;
@@ -51,7 +52,7 @@ pub fn write_file(dir: &Path, name: &str, text: &str) -> io::Result<PathBuf> {
 }
 
 /// Makes `dir` and what leads to it.
-fn make_dir(dir: &Path) -> io::Result<()> {
+pub(crate) fn make_dir(dir: &Path) -> io::Result<()> {
     fs::create_dir_all(dir).map_err(|error| {
         let (dir, kind) = (dir.display(), error.kind());
         io::Error::new(kind, format!("cannot make the directory {dir}: {error}; choose another with --out"))

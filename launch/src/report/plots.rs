@@ -127,7 +127,7 @@ impl Plane {
 const ARC_POINTS: f64 = 24.0;
 
 /// The lines and arcs through waypoints, as points.
-pub(super) fn course(waypoints: &[Waypoint]) -> impl Iterator<Item = WorldPoint> + '_ {
+pub(crate) fn course(waypoints: &[Waypoint]) -> impl Iterator<Item = WorldPoint> + '_ {
     let arcs = waypoints.windows(2).flat_map(|pair| {
         let segment = pair[1].segment_from(pair[0]);
         let pieces = (segment.sweep_rad().abs() / FRAC_PI_2 * ARC_POINTS).ceil().max(1.0);
