@@ -14,6 +14,7 @@ use support::{Lab, number, text};
 const ITEMS: [(u64, &str, usize, usize); 16] = [
     (1, "table 1", 9, 0),
     (1, "table 2", 5, 0),
+    (1, "figure 6", 6, 1),
     (1, "figure 7", 6, 1),
     (1, "figure 8", 1, 1),
     (1, "figure 10", 3, 2),
@@ -33,7 +34,7 @@ const ITEMS: [(u64, &str, usize, usize); 16] = [
 /// What the papers print, read from them and not from the code: paper, item, what the row is called by, the least and
 /// the greatest value.
 #[rustfmt::skip]
-const PRINTED: [(u64, &str, &str, Option<f64>, f64); 46] = [
+const PRINTED: [(u64, &str, &str, Option<f64>, f64); 48] = [
     (1, "table 1", "w_T", Some(54.0), 54.0),
     (1, "table 1", "d_w", Some(40.0), 40.0),
     (1, "table 1", "step size", Some(0.13), 0.13),
@@ -43,6 +44,8 @@ const PRINTED: [(u64, &str, &str, Option<f64>, f64); 46] = [
     (1, "table 1", "ω_r", Some(0.0), 0.0),
     (1, "table 1", "v_min", Some(0.0), 0.0),
     (1, "table 1", "ω_min", Some(0.0), 0.0),
+    (1, "figure 6", "evaluations", Some(20000.0), 20000.0),
+    (1, "figure 6", "particles of the front", Some(50.0), 50.0),
     (1, "table 2", "k1", Some(0.0), 5.0),
     (1, "table 2", "k2", Some(0.0), 5.0),
     (1, "table 2", "k3", Some(0.0), 5.0),

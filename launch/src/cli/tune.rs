@@ -162,9 +162,8 @@ fn search(mut job: Job, dir: &Path, mut log: Log, threads: usize, json: bool) ->
     let start = Instant::now();
     let box_volume: f64 = job.reference.iter().product();
     let (judge, reference) = (&job.judge, &job.reference);
-    let objective = |values: &[f64], found: &mut [f64]| judge.evaluate(values, found);
     let budget = Budget { evaluations: job.plan.evaluations, threads };
-    let ending = job.search.run(&objective, budget, Some(&mut log), &stop, |evaluations, archive| {
+    let ending = judge.search(&mut job.search, budget, Some(&mut log), &stop, |evaluations, archive| {
         if evaluations < known || bar.is_hidden() {
             return;
         }

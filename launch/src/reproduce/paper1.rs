@@ -10,6 +10,7 @@ use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::messages::Waypoint;
 
 mod draw;
+mod front;
 mod measured;
 
 /// All of it.
@@ -18,6 +19,7 @@ pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
     let mut pictures = Vec::new();
     let trapezoid = Job::load("trapezoid")?;
     tables_1_and_2(&mut rows, &trapezoid)?;
+    front::search(&mut rows, &mut pictures, &trapezoid)?;
     simulation(&mut rows, &mut pictures, &trapezoid)?;
     let runs = measured::experiments(&mut rows, &mut pictures, seeds)?;
     let rows = rows.finish().map_err(Failure::Fault)?;

@@ -100,6 +100,30 @@ pub static PAPER_1: Paper = Paper {
             ],
         },
         Item {
+            name: "figure 6",
+            page: "p. 6",
+            claims: &[
+                claim("evaluations", "evaluations of the search", "", 0, Is(20_000.0)),
+                claim("front", "particles of the front", "", 0, Is(50.0)),
+                claim(
+                    "best_cross_track",
+                    "its least cross-track error, and the velocity error there",
+                    "",
+                    0,
+                    Unprinted,
+                ),
+                claim(
+                    "best_speed",
+                    "its least velocity error, and the cross-track error there",
+                    "",
+                    0,
+                    Unprinted,
+                ),
+                claim("better", "points better than point A in both", "", 0, Unprinted),
+                claim("hypervolume", "share of 6 mm × 3 mm/s it dominates", "%", 1, Unprinted),
+            ],
+        },
+        Item {
             name: "figure 7",
             page: "p. 6–7",
             claims: &[

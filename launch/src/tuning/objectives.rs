@@ -35,7 +35,7 @@ pub const OBJECTIVES: &[Objective] = &[
         unit: "mm",
         factor: 1e3,
         greatest: false,
-        of: |run| run.figures.cross_track_mean_m,
+        of: |run| run.cross_track_mean_m,
     },
     Objective {
         name: "cross-track-max",
@@ -44,7 +44,7 @@ pub const OBJECTIVES: &[Objective] = &[
         unit: "mm",
         factor: 1e3,
         greatest: true,
-        of: |run| run.figures.cross_track_max_m,
+        of: |run| run.cross_track_max_m,
     },
     Objective {
         name: "speed-error",
@@ -53,7 +53,7 @@ pub const OBJECTIVES: &[Objective] = &[
         unit: "mm/s",
         factor: 1e3,
         greatest: false,
-        of: |run| run.figures.speed_error_mean_mps,
+        of: |run| run.speed_error_mean_mps,
     },
     Objective {
         name: "time",
@@ -62,7 +62,7 @@ pub const OBJECTIVES: &[Objective] = &[
         unit: "s",
         factor: 1.0,
         greatest: false,
-        of: |run| run.figures.ticks as f64 * hilare_interfaces::block::TICK_S,
+        of: |run| run.ticks as f64 * hilare_interfaces::block::TICK_S,
     },
     Objective {
         name: "effort",

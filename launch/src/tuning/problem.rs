@@ -3,11 +3,11 @@
 use super::objectives::{COUNT, OBJECTIVES};
 use super::parameters::Tuned;
 use crate::config::{Scenario, System};
+use crate::shell::fast::{Candidate, FastFigures, FastPath};
 use crate::shell::in_process::InProcess;
 use hilare_interfaces::block::{TICK_S, TICKS_PER_SECOND, Tick};
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::messages::Waypoint;
-use hilare_recorder::statistics::RunFigures;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Seconds a run may take beyond twice what its path takes at the reference speed.
@@ -24,11 +24,17 @@ pub struct Course {
     pub waypoints: Vec<Waypoint>,
 }
 
-/// What a run came to.
+/// What a run came to; where names are those of `summary.json`, so are the values.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven {
-    /// Its figures, those of `summary.json`.
-    pub figures: RunFigures,
+    /// Mean distance of the truth to the tracked line, m.
+    pub cross_track_mean_m: f64,
+    /// Greatest such distance, m.
+    pub cross_track_max_m: f64,
+    /// Mean deviation of the commanded speed, m/s.
+    pub speed_error_mean_mps: f64,
+    /// Ticks until the arrival.
+    pub ticks: Tick,
     /// How much of the motors' range the command changes by, a second.
     pub effort_per_s: f64,
     /// Share of the way that is left: 0 if it arrived.
@@ -38,7 +44,7 @@ pub struct Driven {
 /// Figures of a candidate over all cases, in the order of [`OBJECTIVES`].
 pub type Figures = [f64; COUNT];
 
-/// Drives one robot along one path. Everything that judges a candidate comes through here.
+/// Drives one robot along one path, box by box.
 ///
 /// # Errors
 ///
@@ -59,13 +65,33 @@ pub fn drive(system: &System, waypoints: &[Waypoint], max_ticks: Tick) -> Result
             last = twist;
         }
     });
-    let segments = waypoints.len().saturating_sub(1).max(1) as f64;
-    let done = robot.waypoint().saturating_sub(1) as f64;
     Ok(Driven {
-        figures,
+        cross_track_mean_m: figures.cross_track_mean_m,
+        cross_track_max_m: figures.cross_track_max_m,
+        speed_error_mean_mps: figures.speed_error_mean_mps,
+        ticks: figures.ticks,
         effort_per_s: effort / (figures.ticks.max(1) as f64 * TICK_S),
-        left: if figures.reached { 0.0 } else { (1.0 - done / segments).max(1.0 / segments) },
+        left: left(figures.reached, robot.waypoint(), waypoints),
     })
+}
+
+/// Share of the way that is left to one who drove to a waypoint last.
+fn left(reached: bool, waypoint: u64, waypoints: &[Waypoint]) -> f64 {
+    let segments = waypoints.len().saturating_sub(1).max(1) as f64;
+    let done = waypoint.saturating_sub(1) as f64;
+    if reached { 0.0 } else { (1.0 - done / segments).max(1.0 / segments) }
+}
+
+/// What the fast path says of a run.
+fn driven_fast(fast: &FastFigures, waypoints: &[Waypoint]) -> Driven {
+    Driven {
+        cross_track_mean_m: fast.cross_track_mean_m,
+        cross_track_max_m: fast.cross_track_max_m,
+        speed_error_mean_mps: fast.speed_error_mean_mps,
+        ticks: fast.ticks,
+        effort_per_s: fast.effort_per_s,
+        left: left(fast.reached, fast.waypoint, waypoints),
+    }
 }
 
 /// One run that every candidate has to make.
@@ -74,7 +100,12 @@ struct Case {
     system: System,
     course: usize,
     max_ticks: Tick,
+    /// Where it knows the robot, and all that is tuned.
+    fast: Option<FastPath>,
 }
+
+/// A candidate on its way through the cases: figures so far, or what is left undone.
+type Judgement = Result<Figures, f64>;
 
 /// The courses, seeds and parameters of a search.
 #[derive(Debug)]
@@ -98,7 +129,9 @@ impl Problem {
                     let keys = [format!("plant.seed={seed}"), format!("camera.seed={seed}")];
                     system.set_all(&keys).map_err(|error| error.to_string())?;
                 }
-                cases.push(Case { system, course, max_ticks });
+                let known = tuned.iter().all(|one| Candidate::KEYS.contains(&&*one.parameter.name));
+                let fast = known.then(|| FastPath::of(&system, waypoints).ok()).flatten();
+                cases.push(Case { system, course, max_ticks, fast });
             }
         }
         Ok(Self { courses, cases, tuned, ticks: AtomicU64::new(0) })
@@ -138,31 +171,67 @@ impl Problem {
         }
     }
 
+    /// True if the fast path drives every run: it likes many candidates at once.
+    pub fn is_fast(&self) -> bool {
+        self.cases.iter().all(|case| case.fast.is_some())
+    }
+
     /// The figures of a candidate; or, if a run does not arrive or the values contradict each other, the share of
     /// the work that is left.
-    pub fn figures(&self, values: &[f64]) -> Result<Figures, f64> {
-        let count = self.cases.len() as f64;
-        let mut all: Figures = [0.0; COUNT];
+    pub fn figures(&self, values: &[f64]) -> Judgement {
+        self.figures_of(&[values], 1).pop().unwrap_or(Err(1.0))
+    }
+
+    /// The same of several candidates; which of them are judged together, and on how many threads, makes no
+    /// difference. The threads are for the fast path.
+    pub fn figures_of(&self, candidates: &[&[f64]], threads: usize) -> Vec<Judgement> {
+        let mut judged: Vec<Judgement> = vec![Ok([0.0; COUNT]); candidates.len()];
         for (number, case) in self.cases.iter().enumerate() {
-            let mut system = case.system.clone();
-            self.put(&mut system, values);
             // What comes after the first run that does not arrive is not driven: it is too bad already.
-            let undone = count - number as f64;
-            if system.check().is_err() {
-                return Err(undone / count);
-            }
-            let waypoints = &self.courses[case.course].waypoints;
-            let driven = drive(&system, waypoints, case.max_ticks).map_err(|_| undone / count)?;
-            self.ticks.fetch_add(driven.figures.ticks, Ordering::Relaxed);
-            if driven.left > 0.0 {
-                return Err((undone - 1.0 + driven.left) / count);
-            }
-            for (sum, objective) in all.iter_mut().zip(OBJECTIVES) {
-                let value = (objective.of)(&driven);
-                *sum = if objective.greatest { sum.max(value) } else { *sum + value / count };
+            let on_the_way: Vec<usize> = (0..candidates.len()).filter(|n| judged[*n].is_ok()).collect();
+            let systems = on_the_way.iter().map(|n| self.system_of(case, candidates[*n]));
+            let runs = self.runs(case, &systems.collect::<Vec<_>>(), threads);
+            for (n, run) in on_the_way.into_iter().zip(runs) {
+                judged[n] = judged[n].and_then(|so_far| self.add(so_far, number, run));
             }
         }
-        Ok(all)
+        judged
+    }
+
+    /// A case's robot with the values of a candidate; `None` if they contradict each other.
+    fn system_of(&self, case: &Case, values: &[f64]) -> Option<System> {
+        let mut system = case.system.clone();
+        self.put(&mut system, values);
+        system.check().is_ok().then_some(system)
+    }
+
+    /// What robots come to on a case, `None` for what is no robot.
+    fn runs(&self, case: &Case, systems: &[Option<System>], threads: usize) -> Vec<Option<Driven>> {
+        let waypoints = &self.courses[case.course].waypoints;
+        let Some(path) = &case.fast else {
+            let run = |system: &Option<System>| drive(system.as_ref()?, waypoints, case.max_ticks).ok();
+            return systems.iter().map(run).collect();
+        };
+        let candidates: Vec<Candidate> = systems.iter().flatten().map(Candidate::of).collect();
+        let mut figures = vec![FastFigures::default(); candidates.len()];
+        path.evaluate_with(threads, &candidates, case.max_ticks, &mut figures);
+        let mut figures = figures.iter().map(|fast| driven_fast(fast, waypoints));
+        systems.iter().map(|system| system.as_ref().and_then(|_| figures.next())).collect()
+    }
+
+    /// The figures of a candidate with those of one more run.
+    fn add(&self, mut so_far: Figures, number: usize, run: Option<Driven>) -> Judgement {
+        let (count, undone) = (self.cases.len() as f64, (self.cases.len() - number) as f64);
+        let driven = run.ok_or(undone / count)?;
+        self.ticks.fetch_add(driven.ticks, Ordering::Relaxed);
+        if driven.left > 0.0 {
+            return Err((undone - 1.0 + driven.left) / count);
+        }
+        for (sum, objective) in so_far.iter_mut().zip(OBJECTIVES) {
+            let value = (objective.of)(&driven);
+            *sum = if objective.greatest { sum.max(value) } else { *sum + value / count };
+        }
+        Ok(so_far)
     }
 
     /// What outcomes hang on besides the candidate, in a word: robots, paths, program.
@@ -216,13 +285,41 @@ mod tests {
         let mut robot = InProcess::new(&problem.system(0, &problem.untuned()), &problem.courses[0].waypoints)
             .expect("one");
         let run = robot.run(200_000).statistics.figures();
-        assert_eq!(figures[0].to_bits(), run.cross_track_mean_m.to_bits());
-        assert_eq!(figures[1].to_bits(), run.cross_track_max_m.to_bits());
-        assert_eq!(figures[2].to_bits(), run.speed_error_mean_mps.to_bits());
+        // On the fast path, to rounding.
+        assert!(problem.is_fast());
+        assert!((figures[0] - run.cross_track_mean_m).abs() < 1e-12);
+        assert!((figures[1] - run.cross_track_max_m).abs() < 1e-12);
+        assert!((figures[2] - run.speed_error_mean_mps).abs() < 1e-12);
         assert_eq!(figures[3], run.ticks as f64 / 1e3);
         // A command that turns at every corner, out and back: some share of the motors' range each time.
         assert!((0.05..50.0).contains(&figures[4]), "{figures:?}");
         assert_eq!(problem.ticks(), run.ticks);
+    }
+
+    #[test]
+    fn the_fast_path_and_the_boxes_judge_alike() {
+        let fast = problem(1, &[]);
+        let mut boxes = problem(1, &[]);
+        boxes.cases.iter_mut().for_each(|case| case.fast = None);
+        assert!(fast.is_fast() && !boxes.is_fast());
+        let candidates = [
+            fast.untuned(),
+            vec![0.5, 2e6, 300.0, 0.05, 0.6],
+            // Neither of these arrives: the one cannot turn, the other hardly.
+            vec![0.5, 2e6, 300.0, 0.05, 0.0],
+            vec![0.5, 2e6, 300.0, 0.1, 0.08],
+        ];
+        let values: Vec<&[f64]> = candidates.iter().map(Vec::as_slice).collect();
+        let [fast, boxes] = [fast.figures_of(&values, 2), boxes.figures_of(&values, 1)];
+        assert!(fast[..2].iter().all(Result::is_ok) && fast[2].is_err(), "{fast:?}");
+        for pair in fast.iter().zip(&boxes) {
+            match pair {
+                (Ok(fast), Ok(boxes)) => {
+                    assert!(fast.iter().zip(boxes).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs()), "{pair:?}");
+                }
+                (fast, boxes) => assert_eq!(fast, boxes),
+            }
+        }
     }
 
     #[test]

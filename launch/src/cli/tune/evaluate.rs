@@ -5,7 +5,6 @@ use crate::cli::{VerbResult, print, refused};
 use crate::manager::Failure;
 use std::io::{self, BufRead};
 use std::process::ExitCode;
-use std::thread;
 
 /// The problem on the first line; then for each line of candidates a line of `[violation, objectives ...]`.
 pub fn answer(job: &Job, threads: usize) -> VerbResult {
@@ -26,17 +25,9 @@ pub fn answer(job: &Job, threads: usize) -> VerbResult {
         if candidates.iter().any(|values| space.encode(values).is_none()) {
             return Err(wrong("a candidate is not within the bounds of the parameters".to_owned()));
         }
-        let mut answers = vec![vec![0.0; 1 + keys.len()]; candidates.len()];
-        let share = candidates.len().div_ceil(threads).max(1);
-        thread::scope(|scope| {
-            for (candidates, answers) in candidates.chunks(share).zip(answers.chunks_mut(share)) {
-                scope.spawn(move || {
-                    for (values, answer) in candidates.iter().zip(answers) {
-                        answer[0] = job.judge.evaluate(values, &mut answer[1..]);
-                    }
-                });
-            }
-        });
+        let values: Vec<&[f64]> = candidates.iter().map(Vec::as_slice).collect();
+        let answers = job.judge.answers(&values, threads).into_iter();
+        let answers: Vec<Vec<f64>> = answers.map(|(left, found)| [vec![left], found].concat()).collect();
         let answers = serde_json::to_string(&answers).map_err(|error| Failure::Fault(error.to_string()))?;
         print(&format!("{answers}\n"));
     }

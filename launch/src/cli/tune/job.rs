@@ -5,6 +5,7 @@ use crate::cli::refused;
 use crate::cli::run::{path_of, set_with_drivers};
 use crate::config::{Scenario, System};
 use crate::manager::Failure;
+use crate::tuning::judge::Judge;
 use crate::tuning::objectives::{OBJECTIVES, Objective, STANDARD, parse, parse_numbers};
 use crate::tuning::parameters::{Tuned, parameters};
 use crate::tuning::problem::{Course, Figures, Problem};
@@ -51,39 +52,6 @@ pub struct Plan {
     pub seed: u64,
     /// `--weights`.
     pub weights: Option<String>,
-}
-
-/// What candidates are judged by.
-pub struct Judge {
-    /// Robots, paths and parameters.
-    pub problem: Problem,
-    /// What is minimised.
-    pub objectives: Vec<&'static Objective>,
-    /// Its places among the figures.
-    places: Vec<usize>,
-}
-
-impl Judge {
-    /// Puts a candidate's objectives into `found` and answers by how much it violates the constraints.
-    pub fn evaluate(&self, values: &[f64], found: &mut [f64]) -> f64 {
-        match self.problem.figures(values) {
-            Ok(figures) => {
-                for (value, place) in found.iter_mut().zip(&self.places) {
-                    *value = figures[*place];
-                }
-                0.0
-            }
-            Err(left) => {
-                found.fill(0.0);
-                left
-            }
-        }
-    }
-
-    /// Names of the objectives in files.
-    pub fn keys(&self) -> Vec<&'static str> {
-        self.objectives.iter().map(|objective| objective.key).collect()
-    }
 }
 
 /// A plan worked out.
@@ -222,7 +190,7 @@ impl Job {
             ..Settings::new(objectives.len(), plan.seed)
         };
         let search = Mopso::new(space, settings).map_err(refused)?;
-        let judge = Judge { problem, objectives, places };
+        let judge = Judge::new(problem, places);
         Ok(Self { plan, judge, reference, weights, held_out, untuned, search })
     }
 

@@ -214,7 +214,7 @@ fn left_open(rows: &mut Rows, seeds: u64) -> Result<(), Failure> {
 /// What is unknown, and what is assumed instead.
 pub fn set_up() -> Vec<String> {
     vec![
-        "Not here: figures 1 to 5 and 9, which are drawings and a photograph, and figure 6, the front of the search for gains."
+        "Not here: figures 1 to 5 and 9, which are drawings and a photograph."
             .to_owned(),
         "Not printed: the trapezoid's corners; the obstacles and the roadmap of figure 10; the waypoints of figure 12; \
          whether the rectangle is driven round to its first corner; how much the robot slips, how unequal its wheels are, \

@@ -30,9 +30,10 @@ struct Drive<const N: usize> {
     per_tick_rad: [Row<N>; 2],
     /// Owed angle from which on there is a pulse: none for a robot that is to stand, rad.
     act_from_rad: Row<N>,
-    /// |v − v_r|, m/s, and ω², rad²/s².
+    /// v, m/s, and ω, rad/s.
+    twist: [Row<N>; 2],
+    /// |v − v_r|, m/s.
     speed_error_mps: Row<N>,
-    effort: Row<N>,
 }
 
 /// What is found out about a tick of all lanes before the poses go on.
@@ -123,8 +124,8 @@ impl<const N: usize> Lanes<N> {
         let still = Drive {
             per_tick_rad: [zero; 2],
             act_from_rad: [f64::INFINITY; N],
+            twist: [zero; 2],
             speed_error_mps: zero,
-            effort: zero,
         };
         let mut lanes = Self {
             gains: [zero; 3],
@@ -177,7 +178,10 @@ impl<const N: usize> Lanes<N> {
         // The command of the first pose acts from the second period on.
         self.coming.act_from_rad[lane] = f64::INFINITY;
         self.coming.speed_error_mps[lane] = path.tracking.speed_mps.abs();
-        self.coming.effort[lane] = 0.0;
+        // Nothing acted before.
+        for drive in [&mut self.acting, &mut self.coming] {
+            (drive.twist[0][lane], drive.twist[1][lane]) = (0.0, 0.0);
+        }
         let (start, truth) = (path.start, path.robot.pose);
         (self.x_m[lane], self.y_m[lane], self.theta_rad[lane]) = (start.x_m, start.y_m, start.theta_rad);
         (self.sin[lane], self.cos[lane]) = libm::sincos(start.theta_rad);
@@ -232,7 +236,6 @@ impl<const N: usize> Lanes<N> {
         let mut any = false;
         for lane in 0..N {
             self.speed_error_sum_mps[lane] += self.acting.speed_error_mps[lane] * period;
-            self.effort_sum[lane] += self.acting.effort[lane] * period;
             let dx = self.target[0][lane] - self.x_m[lane];
             let dy = self.target[1][lane] - self.y_m[lane];
             any |= dx * dx + dy * dy <= radius_m * radius_m * NEAR;
@@ -247,6 +250,11 @@ impl<const N: usize> Lanes<N> {
     /// The controller at the start of a period: the command of the last one acts, that of this pose is to come.
     #[inline(always)]
     pub fn command(&mut self, path: &FastPath) {
+        for lane in 0..N {
+            let [dv, domega] =
+                [0, 1].map(|part| self.coming.twist[part][lane] - self.acting.twist[part][lane]);
+            self.effort_sum[lane] += path.chassis.motor_use(dv, domega);
+        }
         self.acting = self.coming;
         let v_r = path.tracking.speed_mps;
         let mut heading_error = [0.0; N];
@@ -278,7 +286,7 @@ impl<const N: usize> Lanes<N> {
             let [vx, omega] = limits.constrain_differential(&path.chassis, vx, omega);
             [speeds_radps[0][lane], speeds_radps[1][lane]] = path.chassis.wheel_speeds(vx, omega);
             self.coming.speed_error_mps[lane] = (vx - v_r).abs();
-            self.coming.effort[lane] = omega * omega;
+            (self.coming.twist[0][lane], self.coming.twist[1][lane]) = (vx, omega);
         }
         if let Some(most_radps) = path.pulse_speed_max_radps {
             for lane in 0..N {
@@ -439,7 +447,8 @@ impl<const N: usize> Lanes<N> {
             cross_track_mean_m: mean(self.cross_track_sum_m[lane]),
             cross_track_max_m: self.cross_track_max_m[lane],
             speed_error_mean_mps: mean(self.speed_error_sum_mps[lane]),
-            effort_rad2ps2: mean(self.effort_sum[lane]),
+            effort_per_s: self.effort_sum[lane] / (ticks.max(1) as f64 * TICK_S),
+            waypoint: self.index[lane] as u64 + 1,
         }
     }
 }

@@ -51,6 +51,15 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// The keys of a system file whose values it has.
+    pub const KEYS: [&str; 5] = [
+        "controller.kanayama.k1_per_s",
+        "controller.kanayama.k2_per_m2",
+        "controller.kanayama.k3_per_m",
+        "limits.v_max_mps",
+        "limits.omega_max_radps",
+    ];
+
     /// The values a system has.
     pub fn of(system: &System) -> Self {
         let mut gains = KanayamaGains::default();
@@ -63,13 +72,9 @@ impl Candidate {
 
     /// The keys and values that make a system drive like this, for [`System::set_all`]: to the bit.
     pub fn keys(&self) -> [String; 5] {
-        [
-            format!("controller.kanayama.k1_per_s={}", self.gains.k1_per_s),
-            format!("controller.kanayama.k2_per_m2={}", self.gains.k2_per_m2),
-            format!("controller.kanayama.k3_per_m={}", self.gains.k3_per_m),
-            format!("limits.v_max_mps={}", self.v_max_mps),
-            format!("limits.omega_max_radps={}", self.omega_max_radps),
-        ]
+        let gains = self.gains;
+        let values = [gains.k1_per_s, gains.k2_per_m2, gains.k3_per_m, self.v_max_mps, self.omega_max_radps];
+        std::array::from_fn(|n| format!("{}={}", Self::KEYS[n], values[n]))
     }
 }
 
@@ -92,8 +97,10 @@ pub struct FastFigures {
     pub cross_track_max_m: f64,
     /// Mean |v − v_r| of the commanded speed after the constraints, m/s.
     pub speed_error_mean_mps: f64,
-    /// Mean ω² of the commanded yaw rate after the constraints, rad²/s²: how much it steers.
-    pub effort_rad2ps2: f64,
+    /// By how much of the motors' range the command changes, after the constraints, 1/s.
+    pub effort_per_s: f64,
+    /// Number of the waypoint it drove to last.
+    pub waypoint: u64,
 }
 
 impl FastFigures {
