@@ -202,7 +202,7 @@ impl Job {
                 Problem::new(vec![course], plan.seeds, tuned.clone()).map_err(refused)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let is_paper_1 = PAPER_1.contains(&first.name.as_str()) && plan.objectives == STANDARD;
+        let is_paper_1 = PAPER_1.contains(&plan.scenarios[0].as_str()) && plan.objectives == STANDARD;
         let space = Space::new(tuned.iter().map(|one| one.parameter.clone()).collect()).map_err(refused)?;
         let problem = Problem::new(courses, plan.seeds, tuned).map_err(refused)?;
         let untuned = problem.figures(&problem.untuned()).ok();
