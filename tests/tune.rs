@@ -209,7 +209,7 @@ fn bad_input_is_one_line_with_exit_code_2() {
         (&["--objectives", "time,haste"], "unknown objective \"haste\""),
         (&["--parameter", "k1_per_s=1..0"], "below the upper"),
         (&["--parameter", "k9=0..1"], "k9"),
-        (&["--parameter", "k1_per_s=0..1\n"], "--parameter"),
+        (&["--parameter", "k1_per_s=0..1\nx"], "--parameter"),
         (&["--set", "plant.slip_man=0.1"], "slip_man"),
         (&["--weights", "1"], "--weights"),
         (&["--reference", "0.006,-1"], "--reference"),

@@ -23,6 +23,14 @@ use staircase::Staircase;
 /// Most objectives that can be searched.
 pub const OBJECTIVES_MAX: usize = 3;
 
+/// How far a point is beyond the limits, relative to them; `None` within. The farthest leave first, so that while
+/// nothing is within, the members draw near.
+fn beyond<const N: usize>(point: &[f64; N], limits: &[f64; N]) -> Option<f64> {
+    let pairs = point.iter().zip(limits).filter(|(value, limit)| value >= limit);
+    let excesses = pairs.map(|(value, limit)| (value - limit) / limit.abs().max(f64::MIN_POSITIVE));
+    excesses.max_by(f64::total_cmp)
+}
+
 /// Which members stay, by two or three objectives. A rank is a place among the members; a slot is where
 /// the archive keeps what belongs to one.
 #[derive(Clone, Debug)]
