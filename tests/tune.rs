@@ -88,7 +88,16 @@ fn a_front_beats_point_a_and_its_robot_drives_as_promised() {
 fn the_same_bits_with_any_number_of_threads_and_another_seed_gives_others() {
     let lab = lab();
     let front = |more: &[&str]| {
-        let args = ["corner.toml", "--evaluations", "170", "--set", "plant.slip_sd=0.1", "--seeds", "2"];
+        let args = [
+            "--scenario",
+            "corner.toml",
+            "--evaluations",
+            "170",
+            "--set",
+            "plant.slip_sd=0.1",
+            "--seeds",
+            "2",
+        ];
         tune(&lab, &[&args, more].concat())["front"].clone()
     };
     let one = front(&["--threads", "1"]);
@@ -200,7 +209,7 @@ fn bad_input_is_one_line_with_exit_code_2() {
         (&["--objectives", "time,haste"], "unknown objective \"haste\""),
         (&["--parameter", "k1_per_s=1..0"], "below the upper"),
         (&["--parameter", "k9=0..1"], "k9"),
-        (&["--parameter", "k1_per_s=0..1\n"], "--parameter"),
+        (&["--parameter", "k1_per_s=0..1\nx"], "--parameter"),
         (&["--set", "plant.slip_man=0.1"], "slip_man"),
         (&["--weights", "1"], "--weights"),
         (&["--reference", "0.006,-1"], "--reference"),

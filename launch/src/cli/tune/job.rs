@@ -16,7 +16,8 @@ use std::path::Path;
 
 /// What is tuned on when no scenario is named: the path of paper 1's gain search.
 const STANDARD_SCENARIO: &str = "trapezoid";
-/// Scenarios of paper 1's robot: their hypervolume counts up to 6 mm and 3 mm/s.
+/// Law and scenarios of paper 1: their hypervolume counts up to 6 mm and 3 mm/s.
+const PAPER_1_LAW: &str = "kanayama";
 const PAPER_1: [&str; 5] = ["trapezoid", "rectangle", "rectangle-open", "so", "platform"];
 const PAPER_1_REFERENCE: [f64; 2] = [0.006, 0.003];
 /// Other references are as many times what the robot does as it is.
@@ -170,7 +171,9 @@ impl Job {
                 Problem::new(vec![course], plan.seeds, tuned.clone()).map_err(refused)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let is_paper_1 = PAPER_1.contains(&first.name.as_str()) && plan.objectives == STANDARD;
+        let is_paper_1 = PAPER_1.contains(&plan.scenarios[0].as_str())
+            && plan.objectives == STANDARD
+            && first.system.controller.law.name == PAPER_1_LAW;
         let space = Space::new(tuned.iter().map(|one| one.parameter.clone()).collect()).map_err(refused)?;
         let problem = Problem::new(courses, plan.seeds, tuned).map_err(refused)?;
         let untuned = problem.figures(&problem.untuned()).ok();

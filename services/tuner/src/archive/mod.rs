@@ -5,9 +5,10 @@
 //!
 //! * two objectives ([`staircase`]): the area that it alone dominates. It is a product of two gaps, so it
 //!   needs no scaling, and what is kept comes as near to the greatest hypervolume as that many
-//!   points can. On ZDT1 to ZDT3 the sum of the gaps (NSGA-II's crowding distance) is left a third of a per mille below.
+//!   points can (`tests/fronts.rs`: within 0.0001 on ZDT1 and ZDT2). The sum of the gaps, NSGA-II's crowding
+//!   distance, spaces them evenly instead.
 //! * three ([`neighbours`]): the distance to the nearest other member, in units of the front's extent.
-//!   The sum of gaps in each objective says little about distance there (DTLZ2: 0.70 instead of 0.73).
+//!   The sum of gaps in each objective says little about distance there, and the exact volume costs too much.
 //!
 //! Either way a newcomer costs a comparison with the members and the change of a few neighbours, not a
 //! sort of the whole archive.
@@ -21,6 +22,14 @@ use staircase::Staircase;
 
 /// Most objectives that can be searched.
 pub const OBJECTIVES_MAX: usize = 3;
+
+/// How far a point is beyond the limits, relative to them; `None` within. The farthest leave first, so that while
+/// nothing is within, the members draw near.
+fn beyond<const N: usize>(point: &[f64; N], limits: &[f64; N]) -> Option<f64> {
+    let pairs = point.iter().zip(limits).filter(|(value, limit)| value >= limit);
+    let excesses = pairs.map(|(value, limit)| (value - limit) / limit.abs().max(f64::MIN_POSITIVE));
+    excesses.max_by(f64::total_cmp)
+}
 
 /// Which members stay, by two or three objectives. A rank is a place among the members; a slot is where
 /// the archive keeps what belongs to one.

@@ -3,6 +3,8 @@
 //! Who is nearest to whom is kept from one newcomer to the next (SPEA2's truncation, Zitzler et al. 2001, without
 //! its sorting): of the two nearest to each other the one goes whose second neighbour is nearer.
 
+use super::beyond;
+
 /// A change of the front's extent by this share is worth measuring all distances anew.
 const RESCALE: f64 = 0.05;
 
@@ -63,16 +65,14 @@ impl Neighbours {
         self.slots[rank]
     }
 
-    fn is_beyond(&self, point: &[f64; 3]) -> bool {
-        point.iter().zip(&self.limits).any(|(value, limit)| value >= limit)
-    }
-
-    /// Squared distance to the nearest member: infinite for who has the least of an objective, below 0
-    /// beyond the limits.
+    /// Squared distance to the nearest member: infinite for who has the least of an objective, not
+    /// above 0 beyond the limits.
     #[inline]
     pub fn worth(&self, rank: usize) -> f64 {
-        if self.beyond > 0 && self.is_beyond(&self.points[rank]) {
-            -1.0
+        if self.beyond > 0
+            && let Some(excess) = beyond(&self.points[rank], &self.limits)
+        {
+            -excess
         } else if self.best.contains(&rank) {
             f64::INFINITY
         } else {
@@ -96,7 +96,7 @@ impl Neighbours {
             }
         }
         let rank = self.points.len();
-        self.beyond += usize::from(self.is_beyond(&point));
+        self.beyond += usize::from(beyond(&point, &self.limits).is_some());
         self.points.push(point);
         self.slots.push(slot);
         self.nearest.push(rank);
@@ -193,7 +193,7 @@ impl Neighbours {
     /// Takes a member out; the last one moves to its rank.
     fn remove(&mut self, rank: usize) -> usize {
         let last = self.points.len() - 1;
-        self.beyond -= usize::from(self.is_beyond(&self.points[rank]));
+        self.beyond -= usize::from(beyond(&self.points[rank], &self.limits).is_some());
         self.points.swap_remove(rank);
         self.nearest.swap_remove(rank);
         self.gaps.swap_remove(rank);

@@ -8,6 +8,8 @@
 //!     └─────────────── x
 //! ```
 
+use super::beyond;
+
 /// Members in ascending x, and so in descending y.
 #[derive(Clone, Debug)]
 pub struct Staircase {
@@ -40,7 +42,8 @@ impl Staircase {
         self.slots[rank]
     }
 
-    /// The area that is lost without it: infinite at an end of the staircase that no limit closes.
+    /// The area that is lost without it: infinite at an end of the staircase that no limit closes, not above 0
+    /// beyond the limits.
     #[inline]
     pub fn worth(&self, rank: usize) -> f64 {
         self.worth[rank]
@@ -51,9 +54,10 @@ impl Staircase {
         let [right, top] = self.limits;
         let next = self.points.get(rank + 1).map_or(right, |point| point[0].min(right));
         let before = if rank == 0 { top } else { self.points[rank - 1][1].min(top) };
-        // Beyond the limits there is nothing to lose (and infinity times zero is no number).
-        let inside = x < right && y < top;
-        self.worth[rank] = if inside { (next - x) * (before - y) } else { 0.0 };
+        self.worth[rank] = match beyond(&[x, y], &self.limits) {
+            None => (next - x) * (before - y),
+            Some(excess) => -excess,
+        };
     }
 
     /// Admits a point unless a member is as good everywhere. `left` gets the slots of those who go for it:

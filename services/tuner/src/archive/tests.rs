@@ -130,3 +130,20 @@ fn the_first_feasible_one_ends_the_reign_of_the_least_infeasible() {
     assert_eq!(points(&archive), [[5.0, 5.0]]);
     assert_eq!(archive.leader(2, &mut Random::new(1)), Some(&[4.0][..]));
 }
+
+#[test]
+fn while_all_are_beyond_the_reference_the_nearest_stay() {
+    for objectives in [2, 3] {
+        let reference = vec![1.0; objectives];
+        let mut archive = Archive::new(objectives, 1, 4, Some(&reference));
+        let mut random = Random::new(9);
+        for n in 0..500 {
+            // On a front that ends short of the reference.
+            let x = random.between(0.0, 9.0);
+            let point = if objectives == 2 { vec![x, 9.0 - x] } else { vec![x, 9.0 - x, 0.5] };
+            offer(&mut archive, &point, 0.0, n);
+        }
+        let far = |point: &Vec<f64>| point.iter().copied().fold(0.0, f64::max);
+        assert!(points(&archive).iter().all(|point| far(point) < 4.7), "{:?}", points(&archive));
+    }
+}
