@@ -2,6 +2,7 @@
 //!
 //! Loops over lanes call no function that cannot be inlined and take no branch; where there is something to decide
 //! that happens seldom (a waypoint near, a sine libm has to be asked for), the loop only notes it.
+#![allow(clippy::needless_range_loop, reason = "a lane is one place in many rows")]
 
 use super::{Candidate, FastFigures, FastPath, Leg, sine};
 use hilare_controller::kanayama::KanayamaGains;

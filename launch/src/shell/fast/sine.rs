@@ -6,8 +6,10 @@
 //! decide. Any other goes to libm itself: one near an odd eighth of a turn, where libm decides by a table of its
 //! own which quarter it is reduced by; one near a quarter, of which too few digits are left; and a large one.
 
+use std::f64::consts::FRAC_2_PI;
+
 /// Quarter turns in a radian, and a quarter turn in two parts.
-const QUARTERS_PER_RAD: f64 = 6.366_197_723_675_814e-1;
+const QUARTERS_PER_RAD: f64 = FRAC_2_PI;
 const QUARTER_RAD: f64 = 1.570_796_326_734_125_6;
 const QUARTER_REST_RAD: f64 = 6.077_100_506_506_192e-11;
 /// Added and taken away again, it rounds to whole numbers, and leaves them in the last bits of the sum.
