@@ -115,7 +115,7 @@ enum Verb {
         Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
     )]
     Tune(Box<tune::TuneArgs>),
-    /// The figures and tables of the three papers, beside what they print
+    /// Reproduce the three papers: figures and tables, printed values beside ours
     #[command(
         after_help = "Examples:\n  hilare reproduce\n  hilare reproduce 1 --seeds 100 --out runs/paper1\n  \
         hilare reproduce 3 --json\nExit codes: 0 done (differences are shown), 1 fault, 2 wrong use or bad input."

@@ -184,12 +184,6 @@ impl System {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
-    /// The value of a number or switch by its path, `controller.kanayama.k1_per_s`; `None` for a key it has not.
-    pub fn number(&self, path: &str) -> Option<f64> {
-        let (section, name) = path.rsplit_once('.')?;
-        keys::Section::of(section, self)?.get(self, name)
-    }
-
     /// Reads a built-in system by name, or a file by a path that ends in `.toml`.
     pub fn load(name_or_path: &str) -> Result<Self, ConfigError> {
         if is_path(name_or_path) {

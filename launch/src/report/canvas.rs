@@ -83,8 +83,6 @@ pub enum Sample {
     Waypoint(RGBColor),
     /// A circle.
     Ring(RGBColor),
-    /// A point.
-    Dot(RGBColor),
     /// A band filled with a part of this colour.
     Band(RGBColor, f64),
     /// Where it starts.
@@ -295,7 +293,6 @@ fn draw_legend(root: &Area<'_>, legend: &[Key]) -> Drawn {
                     root.draw(&Circle::new(middle, px(3), color.filled()))?;
                 }
                 Sample::Ring(color) => root.draw(&Circle::new(middle, px(7), line(color, 1)))?,
-                Sample::Dot(color) => root.draw(&Circle::new(middle, px(4), color.filled()))?,
                 Sample::Band(color, part) => {
                     let corners = [(from.0, from.1 - px(6)), (to.0, to.1 + px(6))];
                     root.draw(&Rectangle::new(corners, color.mix(part).filled()))?;

@@ -60,7 +60,7 @@ impl<'a> Mark<'a> {
 pub enum Shape {
     /// Curves.
     Curves(Vec<Vec<(f64, f64)>>),
-    /// Points; joined by a line where it is not 0 pixels wide.
+    /// Points, joined by a line.
     Dots(Vec<(f64, f64)>),
     /// A horizontal line across.
     Level(f64),
@@ -89,8 +89,7 @@ impl Shape {
     fn sample(&self, color: RGBColor, width: i32) -> Vec<Sample> {
         match self {
             Self::Curves(_) | Self::Level(_) | Self::Post(_) => vec![Sample::Line(color, width)],
-            Self::Dots(_) if width > 0 => vec![Sample::Waypoint(color)],
-            Self::Dots(_) => vec![Sample::Dot(color)],
+            Self::Dots(_) => vec![Sample::Waypoint(color)],
             Self::Band(_) => vec![Sample::Band(color, TINT)],
             Self::Areas(_) => vec![Sample::Line(color, 9)],
             Self::Ends(..) => vec![Sample::Start, Sample::End],
@@ -163,9 +162,7 @@ fn draw_mark(chart: &mut Axes<'_, '_>, mark: &Mark<'_>, x: &Range<f64>, y: &Rang
             }
         }
         Shape::Dots(dots) => {
-            if mark.width > 0 {
-                chart.draw_series(LineSeries::new(dots.iter().copied(), pen))?;
-            }
+            chart.draw_series(LineSeries::new(dots.iter().copied(), pen))?;
             chart.draw_series(dots.iter().map(|dot| Circle::new(*dot, px(3), mark.color.filled())))?;
         }
         Shape::Level(level) => {

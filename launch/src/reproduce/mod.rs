@@ -62,7 +62,7 @@ pub struct Picture {
 }
 
 impl Reproduction {
-    /// Trial what these papers drove; the disturbed jobs with the seeds 1 to `seeds`.
+    /// Drives what these papers drove; the disturbed jobs with the seeds 1 to `seeds`.
     pub fn of(papers: &[u64], seeds: u64) -> Result<Self, Failure> {
         let section = |paper: &u64| match paper {
             1 => paper1::reproduce(seeds),

@@ -40,7 +40,7 @@ impl Job {
 
     /// A number of its system file.
     pub fn number(&self, key: &str) -> Result<f64, Failure> {
-        let found = self.scenario.system.number(key);
+        let found = self.scenario.system.get(key);
         found.ok_or_else(|| Failure::Fault(format!("{}: its system has no key {key}", self.scenario.name)))
     }
 }
@@ -82,9 +82,11 @@ pub struct Note {
     pub set: String,
     /// Hash of every bit of the estimated pose, as in `summary.json`.
     pub state_hash: String,
+    /// Mean cross-track distance of the truth, m, as in `summary.json`.
+    pub cross_track_mean_m: f64,
 }
 
-/// Trial them all, in the order given.
+/// Drives them all, in the order given.
 pub fn drive_all(trials: &[Trial<'_>]) -> Result<Vec<Driven>, Failure> {
     let next = AtomicUsize::new(0);
     let done: Vec<Mutex<Option<Result<Driven, Failure>>>> = trials.iter().map(|_| Mutex::new(None)).collect();
@@ -130,6 +132,7 @@ fn drive(trial: &Trial<'_>) -> Result<Driven, Failure> {
             seed: *seed,
             set: set.join(" "),
             state_hash: format!("{:016x}", figures.state_hash),
+            cross_track_mean_m: figures.cross_track_mean_m,
         },
         figures,
         correction: scenario.correction.and_then(|band| Correction::of(rows, band)),

@@ -82,7 +82,7 @@ impl Wrong {
     }
 }
 
-/// Trial them; the runs with everything wrong are those that can be had again.
+/// Drives them; the runs with everything wrong are those that can be had again.
 pub fn experiments(rows: &mut Rows, pictures: &mut Vec<Picture>, seeds: u64) -> Result<Vec<Note>, Failure> {
     let mut notes = Vec::new();
     let mut order = Vec::new();
@@ -98,7 +98,7 @@ pub fn experiments(rows: &mut Rows, pictures: &mut Vec<Picture>, seeds: u64) -> 
     left_open(rows, seeds)?;
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     let words: Vec<String> = order.iter().map(|(name, mm)| format!("{name} {mm:.1} mm")).collect();
-    let why = "a robot that stands askew and does not know strays the farther from its start the more: the planner's path \
+    let why = "the farther from its start, the more a robot strays that stands askew and does not know: the planner's path \
                leads away, the rectangle comes back";
     rows.give("table 3", "order", Ours::Text(words.join(", ")), why);
     Ok(notes)
@@ -240,7 +240,7 @@ pub fn set_up() -> Vec<String> {
          the last waypoint is accepted."
             .to_owned(),
         "The curves are those of seed 1; pale trails are further seeds. `hilare run SCENARIO --clock in-process --seed N \
-         --set KEY=VALUE …` repeats any run: seeds, keys and hashes of the poses stand in `reproduction.json`."
+         --set KEY=VALUE …` repeats any run: seeds, keys, hashes of the poses and cross-track errors stand in `reproduction.json`."
             .to_owned(),
     ]
 }

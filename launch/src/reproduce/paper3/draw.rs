@@ -15,8 +15,12 @@ use std::io;
 const COLORS: [RGBColor; STEPS.len()] = [VERMILION, BLUE, GREEN, ORANGE];
 /// Colours of the two speeds, of the first seed and of the others.
 const SPEEDS: [(RGBColor, RGBColor); 2] = [(BLUE, FAINT_BLUE), (ORANGE, FAINT_ORANGE)];
+/// What the paper leaves, mm and degrees alike.
+const STEADY: f64 = 2.0;
 /// Curves drawn at most of a speed.
 const CURVES: usize = 21;
+/// Rows, one a control period, to a point of the curves that stand back.
+const THIN: usize = 4;
 
 type Points = Vec<(f64, f64)>;
 
@@ -59,38 +63,41 @@ pub fn experiment(jobs: &[Job], measured: &[Vec<Driven>]) -> io::Result<Vec<Pict
         .collect();
     let distance = |row: &TraceRow| row.cross_track_m * 1e3;
     let angle = |row: &TraceRow| row.heading_error_rad.to_degrees();
+    let drawn = [("distance", "mm", distance as fn(&TraceRow) -> f64), ("angle", "°", angle)];
     let mut pictures = Vec::new();
-    for (file, what, y_name, band, name, value) in [
-        (
-            "distance",
-            "distance",
-            "distance deviation (mm)",
-            2.0,
-            "published: ± 2 mm",
-            distance as fn(&TraceRow) -> f64,
-        ),
-        ("angle", "angle", "angle deviation (°)", 2.0, "published: ± 2°", angle as fn(&TraceRow) -> f64),
-    ] {
+    for (what, unit, value) in drawn {
+        let band = format!("published: ± {STEADY} {unit}");
         let mut marks = vec![
-            Mark::new(name, GREEN, 1, Shape::Band(-band..band)),
+            Mark::new(&band, GREEN, 1, Shape::Band(-STEADY..STEADY)),
             Mark::new("published: corrected in 10 steps", VERMILION, 2, Shape::Post(10.0)),
             Mark::new("", DARK, 1, Shape::Level(0.0)),
         ];
         for (driven, (_, faint)) in measured.iter().zip(SPEEDS) {
-            let others = driven.iter().take(CURVES).skip(1).map(|run| curve(&run.rows, value)).collect();
+            let others = driven
+                .iter()
+                .take(CURVES)
+                .skip(1)
+                .map(|run| curve(run.rows.iter().step_by(THIN), value))
+                .collect();
             marks.push(Mark::new("further seeds", faint, 1, Shape::Curves(others)));
         }
         for ((driven, name), (color, _)) in measured.iter().zip(&names).zip(SPEEDS) {
             if let Some(run) = driven.first() {
-                marks.push(Mark::new(name, color, 2, Shape::Curves(vec![curve(&run.rows, value)])));
+                marks.push(Mark::new(name, color, 2, Shape::Curves(vec![curve(run.rows.iter(), value)])));
             }
         }
         let title = format!("Paper 3, figure 9: {what} deviation of the AGV, with noise, lags and slip");
-        let x_name = "steps of 0.1 s since the deviation";
-        let chart = Chart { title: &title, x_name, y_name, scale: Scale::Own, marks };
+        let y_name = format!("{what} deviation ({unit})");
+        let chart = Chart {
+            title: &title,
+            x_name: "steps of 0.1 s since the deviation",
+            y_name: &y_name,
+            scale: Scale::Own,
+            marks,
+        };
         pictures.push(Picture {
             item: "figure 9",
-            file: format!("paper3-figure-9-{file}.svg"),
+            file: format!("paper3-figure-9-{what}.svg"),
             caption: format!("The {what} deviation of the true AGV"),
             svg: chart.svg()?,
         });
@@ -98,7 +105,7 @@ pub fn experiment(jobs: &[Job], measured: &[Vec<Driven>]) -> io::Result<Vec<Pict
     Ok(pictures)
 }
 
-fn curve(rows: &[TraceRow], value: fn(&TraceRow) -> f64) -> Points {
-    let points = rows.iter().map(|row| (row.tick as f64 * TICK_S / 0.1, value(row)));
+fn curve<'a>(rows: impl Iterator<Item = &'a TraceRow>, value: fn(&TraceRow) -> f64) -> Points {
+    let points = rows.map(|row| (row.tick as f64 * TICK_S / 0.1, value(row)));
     points.take_while(|(step, _)| *step <= SHOWN).collect()
 }
