@@ -4,6 +4,7 @@
 //! that happens seldom (a waypoint near, a sine libm has to be asked for), the loop only notes it.
 #![allow(clippy::needless_range_loop, reason = "a lane is one place in many rows")]
 
+use super::parts::{Beat, Drive, Row, TruthSoFar, tan_share};
 use super::{Candidate, FastFigures, FastPath, Leg, sine};
 use hilare_controller::kanayama::KanayamaGains;
 use hilare_interfaces::block::TICK_S;
@@ -19,66 +20,6 @@ pub const TICKS: usize = 5;
 
 /// So much farther than the acceptance radius the square of a distance is certain to be outside, relative.
 const NEAR: f64 = 1.0 + 1e-9;
-
-/// A value a lane.
-type Row<const N: usize> = [f64; N];
-
-/// Wheel speeds of a command as the pulses take them.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-struct Drive<const N: usize> {
-    /// Δθ of right and left, rad.
-    per_tick_rad: [Row<N>; 2],
-    /// Owed angle from which on there is a pulse: none for a robot that is to stand, rad.
-    act_from_rad: Row<N>,
-    /// v, m/s, and ω, rad/s.
-    twist: [Row<N>; 2],
-    /// |v − v_r|, m/s.
-    speed_error_mps: Row<N>,
-}
-
-/// What is found out about a tick of all lanes before the poses go on.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-struct Beat<const N: usize> {
-    /// Of right and left: −1, 0 or 1.
-    steps: [Row<N>; 2],
-    theta_rad: Row<N>,
-    sin: Row<N>,
-    cos: Row<N>,
-}
-
-impl<const N: usize> Beat<N> {
-    const BLANK: Self = Self { steps: [[0.0; N]; 2], theta_rad: [0.0; N], sin: [0.0; N], cos: [0.0; N] };
-}
-
-/// Where a robot really is, and its cross-track errors.
-#[derive(Clone, Copy)]
-struct TruthSoFar {
-    place: WorldPoint,
-    line: Line,
-    cross_track_sum_m: f64,
-    cross_track_max_m: f64,
-}
-
-impl TruthSoFar {
-    /// A tick in which it moves by this, m.
-    #[inline(always)]
-    fn go(&mut self, dx_m: f64, dy_m: f64) {
-        self.place = WorldPoint::new(self.place.x_m + dx_m, self.place.y_m + dy_m);
-        let cross_track_m = self.line.distance_m(self.place);
-        self.cross_track_sum_m += cross_track_m;
-        if cross_track_m > self.cross_track_max_m {
-            self.cross_track_max_m = cross_track_m;
-        }
-    }
-}
-
-/// tan(h)/(4h) for a turn of 2h, given its square, rad².
-#[inline(always)]
-pub fn tan_share(square: f64) -> f64 {
-    0.25 + square * (1.0 / 48.0 + square * (1.0 / 480.0))
-}
 
 /// `N` runs.
 #[repr(align(64))]

@@ -19,6 +19,7 @@
 
 mod applies;
 mod lanes;
+mod parts;
 mod sine;
 
 use crate::config::System;
