@@ -1,12 +1,12 @@
 //! `cargo bench --bench fast`: a whole tuning's 20 000 runs of the paper's trapezoid on the fast path, all cores.
 //!
 //! In rounds, each beside the in-process run of some of the same candidates (bare, and recorded as it has to be for
-//! the figures), and beside two yardsticks: as many
-//! additions and multiplications as a core does at most in vectors of the same width, and a bare loop of as many lanes in vectors of the same width: two accumulators, their
-//! comparisons and the steps' sums, what is left of a tick when heading, law, truth and figures are free. Times a
-//! tick are processor time of one core: a busy host spoils them less.
+//! the figures), and beside two yardsticks in vectors of the same width: additions and multiplications as fast as a
+//! core makes them, and a bare loop: two accumulators, their comparisons and the steps' sums, what is left of a tick
+//! when heading, law, truth and figures are free. Times a tick are processor time of one core: a busy host spoils
+//! them less.
 #![allow(missing_docs)]
-#![allow(unsafe_code, reason = "the bare loop, too, is compiled for some processors only")]
+#![allow(unsafe_code, reason = "the yardsticks, too, are compiled for some processors only")]
 
 use hilare::config::{Scenario, System, Task};
 use hilare::shell::fast::{Candidate, FastFigures, FastPath};

@@ -142,7 +142,7 @@ fn random_robot(random: &mut Random, at: Waypoint) -> System {
     let mut keys = vec![
         format!("start.x_m={}", at.x_m + random.real(-0.05, 0.05)),
         format!("start.y_m={}", at.y_m + random.real(-0.05, 0.05)),
-        format!("start.theta_rad={}", random.real(-6.28, 6.28)),
+        format!("start.theta_rad={}", random.real(-6.2, 6.2)),
         format!("timing.period_ticks={}", random.pick(&[1, 4, 5, 5, 10, 12])),
     ];
     let mut sometimes = |share: f64, key: &str, from: f64, to: f64| {
