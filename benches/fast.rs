@@ -1,11 +1,12 @@
 //! `cargo bench --bench fast`: a whole tuning's 20 000 runs of the paper's trapezoid on the fast path, all cores.
 //!
 //! In rounds, each beside the in-process run of some of the same candidates (bare, and recorded as it has to be for
-//! the figures), and beside a bare loop of as many lanes in vectors of the same width: two accumulators, their
-//! comparisons and the steps' sums, what is left of a tick when heading, law, truth and figures are free. Times a
-//! tick are processor time of one core: a busy host spoils them less.
+//! the figures), and beside two yardsticks in vectors of the same width: additions and multiplications as fast as a
+//! core makes them, and a bare loop: two accumulators, their comparisons and the steps' sums, what is left of a tick
+//! when heading, law, truth and figures are free. Times a tick are processor time of one core: a busy host spoils
+//! them less.
 #![allow(missing_docs)]
-#![allow(unsafe_code, reason = "the bare loop, too, is compiled for some processors only")]
+#![allow(unsafe_code, reason = "the yardsticks, too, are compiled for some processors only")]
 
 use hilare::config::{Scenario, System, Task};
 use hilare::shell::fast::{Candidate, FastFigures, FastPath};
@@ -23,6 +24,10 @@ const SAMPLE: usize = 12;
 /// A run that has not arrived after a minute is of no use to a tuner; point A takes 37 s.
 const TICKS_MAX: u64 = 60_000;
 const LANES: usize = 16;
+/// Additions, multiplications, comparisons and divisions the sources of the fast path ask for in a tick of a lane: of
+/// pulses and heading 16, its sine and cosine 58, the estimate 6, the truth and its distance from the line 17, and
+/// of law, constraints and figures 116 every five ticks (6 of them divisions, which take longer).
+const OPERATIONS: f64 = 16.0 + 58.0 + 6.0 + 17.0 + 116.0 / 5.0;
 
 fn main() {
     let scenario = Scenario::load("trapezoid").expect("built in");
@@ -30,7 +35,7 @@ fn main() {
     let path = FastPath::of(&scenario.system, waypoints).expect("it applies");
     let candidates = candidates();
     let mut figures = Vec::with_capacity(EVALUATIONS);
-    let [mut fast, mut bare, mut recorded, mut floor] = [const { Vec::new() }; 4];
+    let [mut fast, mut bare, mut recorded, mut floor, mut operation] = [const { Vec::new() }; 5];
     let mut wall = Duration::ZERO;
     for round in candidates.chunks(EVALUATIONS / ROUNDS) {
         let start = Instant::now();
@@ -44,9 +49,10 @@ fn main() {
         let sample = &round[..SAMPLE];
         bare.push(time_a_tick(|| in_process(&scenario.system, waypoints, sample, drive_bare)));
         recorded.push(time_a_tick(|| in_process(&scenario.system, waypoints, sample, drive_recorded)));
-        floor.push(time_a_tick(bare_loop));
+        floor.push(time_a_tick(in_vectors::<BareLoop>));
+        operation.push(time_a_tick(in_vectors::<Operations>));
     }
-    report(&figures, wall, [&mut fast, &mut bare, &mut recorded, &mut floor]);
+    report(&figures, wall, [&mut fast, &mut bare, &mut recorded, &mut floor, &mut operation]);
 }
 
 /// Evenly in table 2's ranges.
@@ -102,37 +108,76 @@ fn drive_recorded(mut robot: InProcess) -> u64 {
     robot.run(TICKS_MAX).statistics.ticks()
 }
 
-/// Ticks of lanes in which next to nothing is done.
-fn bare_loop() -> u64 {
+/// What a core can do at most.
+trait Yardstick {
+    /// Does a part of it for as many periods; how many ticks or operations that was.
+    fn run(periods: u64) -> u64;
+}
+
+/// Compiled for the vectors that the fast path uses here.
+fn in_vectors<Y: Yardstick>() -> u64 {
     const PERIODS: u64 = 200_000;
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::is_x86_feature_detected as has;
         if has!("avx512f") && has!("avx512dq") && has!("avx512vl") {
             // SAFETY: the processor has what the function needs.
-            unsafe { bare_loop_avx512(PERIODS) };
-        } else if has!("avx2") {
+            return unsafe { with_avx512::<Y>(PERIODS) };
+        }
+        if has!("avx2") {
             // SAFETY: as above.
-            unsafe { bare_loop_avx2(PERIODS) };
-        } else {
-            bare_lanes(PERIODS);
+            return unsafe { with_avx2::<Y>(PERIODS) };
         }
     }
-    #[cfg(not(target_arch = "x86_64"))]
-    bare_lanes(PERIODS);
-    PERIODS * 5 * LANES as u64
+    Y::run(PERIODS)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
-fn bare_loop_avx512(periods: u64) {
-    bare_lanes(periods);
+fn with_avx512<Y: Yardstick>(periods: u64) -> u64 {
+    Y::run(periods)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn bare_loop_avx2(periods: u64) {
-    bare_lanes(periods);
+fn with_avx2<Y: Yardstick>(periods: u64) -> u64 {
+    Y::run(periods)
+}
+
+/// Additions and multiplications that wait for nothing, one of each in turn.
+struct Operations;
+
+impl Yardstick for Operations {
+    #[inline(always)]
+    fn run(periods: u64) -> u64 {
+        const WIDE: usize = 3 * LANES;
+        const DEEP: usize = 16;
+        let (mut sums, mut products) = (black_box([0.5; WIDE]), black_box([0.5; WIDE]));
+        let (term, factor) = (black_box(1e-9), black_box(0.999_999_999));
+        for _ in 0..periods {
+            for (sum, product) in sums.iter_mut().zip(&mut products) {
+                let (mut now_sum, mut now_product) = (*sum, *product);
+                for _ in 0..DEEP {
+                    now_sum += term;
+                    now_product *= factor;
+                }
+                (*sum, *product) = (now_sum, now_product);
+            }
+        }
+        black_box((sums, products));
+        periods * (2 * WIDE * DEEP) as u64
+    }
+}
+
+/// Ticks of lanes in which next to nothing is done.
+struct BareLoop;
+
+impl Yardstick for BareLoop {
+    #[inline(always)]
+    fn run(periods: u64) -> u64 {
+        bare_lanes(periods);
+        periods * 5 * LANES as u64
+    }
 }
 
 #[inline(always)]
@@ -172,8 +217,8 @@ fn bare_lanes(periods: u64) {
     black_box((owed, counts));
 }
 
-fn report(figures: &[FastFigures], wall: Duration, times: [&mut Vec<f64>; 4]) {
-    let [fast, bare, recorded, floor] = times.map(|times| {
+fn report(figures: &[FastFigures], wall: Duration, times: [&mut Vec<f64>; 5]) {
+    let [fast, bare, recorded, floor, operation] = times.map(|times| {
         times.sort_by(f64::total_cmp);
         [times[0], times[times.len() / 2], times[times.len() - 1]]
     });
@@ -192,6 +237,7 @@ fn report(figures: &[FastFigures], wall: Duration, times: [&mut Vec<f64>; 4]) {
         ("in-process, bare", bare),
         ("in-process, recorded", recorded),
         ("bare loop", floor),
+        ("its operations, at most", operation.map(|time| time * OPERATIONS)),
     ];
     for (name, [least, median, most]) in rows {
         println!("  {name:<30} {least:>7.2} {median:>7.2} {most:>7.2}");
@@ -202,5 +248,9 @@ fn report(figures: &[FastFigures], wall: Duration, times: [&mut Vec<f64>; 4]) {
         bare[1] / fast[1],
         recorded[1] / fast[1]
     );
-    println!("share of what the bare loop allows {:>7.2}", floor[1] / fast[1]);
+    println!(
+        "share of what is possible          {:>7.2} (its operations, and nothing waits), {:.2} (bare loop)",
+        operation[1] * OPERATIONS / fast[1],
+        floor[1] / fast[1]
+    );
 }

@@ -11,7 +11,6 @@ use hilare_controller::kanayama::KanayamaGains;
 use hilare_interfaces::messages::Waypoint;
 use std::alloc::{GlobalAlloc, Layout};
 use std::cell::Cell;
-use std::f64::consts::TAU;
 use std::thread;
 use support::random::Random;
 
@@ -143,7 +142,7 @@ fn random_robot(random: &mut Random, at: Waypoint) -> System {
     let mut keys = vec![
         format!("start.x_m={}", at.x_m + random.real(-0.05, 0.05)),
         format!("start.y_m={}", at.y_m + random.real(-0.05, 0.05)),
-        format!("start.theta_rad={}", random.real(-TAU, TAU)),
+        format!("start.theta_rad={}", random.real(-6.2, 6.2)),
         format!("timing.period_ticks={}", random.pick(&[1, 4, 5, 5, 10, 12])),
     ];
     let mut sometimes = |share: f64, key: &str, from: f64, to: f64| {

@@ -1,6 +1,6 @@
 //! Which robots and paths the fast path knows.
 
-use super::parts::tan_share;
+use super::lanes::truth::tan_share;
 use super::{FastPath, Leg};
 use crate::config::{Driver, System};
 use crate::shell::build;

@@ -19,7 +19,6 @@
 
 mod applies;
 mod lanes;
-mod parts;
 mod sine;
 
 use crate::config::System;
