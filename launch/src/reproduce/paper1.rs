@@ -4,8 +4,8 @@ use super::published::PAPER_1;
 use super::rows::{Ours, Rows};
 use super::runs::{Job, Trial, drive_all};
 use super::{Picture, Section, fault};
-use crate::config::{Form, keys};
 use crate::manager::Failure;
+use crate::tuning::parameters::{Tuned, parameters};
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::messages::Waypoint;
 
@@ -26,13 +26,11 @@ pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
     Ok(Section { paper: 1, source: PAPER_1.source, set_up: measured::set_up(), rows, pictures, runs })
 }
 
-/// Bounds of a key, in the paper's unit.
-fn bounds(path: &str, factor: f64) -> Result<Ours, Failure> {
-    let key = keys().find(|key| key.path() == path);
-    match key.map(|key| key.form) {
-        Some(Form::Number(spec)) => Ok(Ours::Range(spec.min * factor, spec.max * factor)),
-        _ => Err(fault(format!("no key {path}"))),
-    }
+/// The range a key is searched in, in the paper's unit.
+fn range(tuned: &[Tuned], key: &str, factor: f64) -> Result<Ours, Failure> {
+    let found = tuned.iter().find(|one| one.parameter.name == key);
+    let one = found.ok_or_else(|| fault(format!("{key} is not searched")))?;
+    Ok(Ours::Range(one.parameter.low * factor, one.parameter.high * factor))
 }
 
 fn tables_1_and_2(rows: &mut Rows, job: &Job) -> Result<(), Failure> {
@@ -57,13 +55,17 @@ fn tables_1_and_2(rows: &mut Rows, job: &Job) -> Result<(), Failure> {
         Ours::One(omega_r),
         "v_r times the curvature of the path: lines have none",
     );
-    let gain = "bounds of the key";
-    rows.give("table 2", "k1", bounds("controller.kanayama.k1_per_s", 1.0)?, gain);
-    rows.give("table 2", "k2", bounds("controller.kanayama.k2_per_m2", 1e-6)?, gain);
-    rows.give("table 2", "k3", bounds("controller.kanayama.k3_per_m", 1e-3)?, gain);
-    let limit = "bounds of the key, which has to serve faster robots as well";
-    rows.give("table 2", "v_max", bounds("limits.v_max_mps", 1e3)?, limit);
-    rows.give("table 2", "omega_max", bounds("limits.omega_max_radps", 1.0)?, limit);
+    let tuned = parameters(&job.scenario.system, &[], &[]).map_err(fault)?;
+    let why = "what `hilare tune` searches";
+    for (key, path, factor) in [
+        ("k1", "controller.kanayama.k1_per_s", 1.0),
+        ("k2", "controller.kanayama.k2_per_m2", 1e-6),
+        ("k3", "controller.kanayama.k3_per_m", 1e-3),
+        ("v_max", "limits.v_max_mps", 1e3),
+        ("omega_max", "limits.omega_max_radps", 1.0),
+    ] {
+        rows.give("table 2", key, range(&tuned, path, factor)?, why);
+    }
     Ok(())
 }
 
