@@ -52,7 +52,10 @@ class OfPymoo(Problem):
         self.simulation = simulation
 
     def _evaluate(self, x, out, *args, **kwargs):
-        out["F"], violations = self.simulation(x)
+        objectives, violations = self.simulation(x)
+        # Its archive does not look at constraints: what does not arrive must not look good.
+        far = 10 * self.simulation.reference * (1 + violations[:, None])
+        out["F"] = np.where(violations[:, None] > 0, far, objectives)
         out["G"] = violations[:, None]
 
 
