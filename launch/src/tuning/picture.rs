@@ -65,7 +65,9 @@ pub fn front_svg(front: &Front<'_>) -> io::Result<String> {
         }
         chart.draw_series(shown.iter().map(|point| Circle::new(*point, px(3), BLUE.filled())))?;
         let mut marks = marks.iter();
-        if let (Some(_), Some(mark)) = (front.chosen, marks.next()) {
+        if front.chosen.is_some()
+            && let Some(mark) = marks.next()
+        {
             chart.draw_series([TriangleMarker::new(*mark, px(8), VERMILION.filled())])?;
         }
         if let Some(mark) = marks.next() {
