@@ -172,7 +172,7 @@ fn another_user_gets_nothing() {
     let robot = a_robot_with_a_history(&lab);
     let files: Vec<PathBuf> = lab.shm_files().into_iter().chain(tree(&lab.runtime_dir())).collect();
     let pids: Vec<i32> = lab.processes().into_iter().map(|(pid, _)| pid).collect();
-    assert!(files.len() > 40 && pids.len() == 7, "{} files, {pids:?}", files.len());
+    assert!(files.len() > 40 && pids.len() == 8, "{} files, {pids:?}", files.len());
     let done = as_nobody(|| intrusions(&files, &pids));
     assert!(done.is_empty(), "another user can\n{}", done.join("\n"));
 

@@ -132,7 +132,7 @@ fn what_the_system_file_says_stands_in_the_unit() {
     }
     assert!(!unit.contains_key("CPUAffinity"), "launch and planner may use any processor");
     let pinned: Vec<String> =
-        ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant"]
+        ["planner", "waypoint_selector", "controller", "step_generator", "pose_estimator", "plant", "relay"]
             .iter()
             .enumerate()
             .flat_map(|(cpu, role)| ["--set".to_owned(), format!("realtime.{role}.cpu={}", cpu % 2 + 2)])
