@@ -98,6 +98,18 @@ fn it_ends_with_ctrl_c_with_its_reader_and_with_the_robot() {
 }
 
 #[test]
+fn before_the_robot_is_armed_it_says_why_nothing_comes() {
+    let lab = Lab::new();
+    let robot = lab.robot();
+    lab.hilare(&["up", "--detach", "--robot", &robot]).expect_code(0);
+    let ended = lab.hilare(&["topic", "hz", "pose", "--seconds", "3", "--robot", &robot]).expect_code(0);
+    assert!(ended.stdout.starts_with("0.0 Hz: 0 messages"), "{}", ended.stdout);
+    assert!(ended.complaints().len() == 1 && ended.stderr.contains("once it is armed"), "{}", ended.stderr);
+    lab.hilare(&["down", "--robot", &robot]).expect_code(0);
+    lab.assert_nothing_left("a look at a robot that stands");
+}
+
+#[test]
 fn wires_are_listed_and_described_without_a_robot() {
     let lab = Lab::new();
     let all: Value =
@@ -117,6 +129,7 @@ fn wires_are_listed_and_described_without_a_robot() {
         (&["echo", "poes"][..], "no topic \"poes\": there are path, reference"),
         (&["info", "health"], "no topic \"health\": launch alone hears it (hilare status)"),
         (&["echo", "pose", "--field", "x"], "--field x: pose has tick, "),
+        (&["echo", "pose", "--count", "0"], "--count"),
         (&["echo", "pose", "--rate", "0"], "--rate 0: above 0"),
         (&["hz", "pose", "--seconds", "-1"], "--seconds -1"),
         (&["echo", "pose", "--robot", "none"], "robot \"none\" is not up"),

@@ -233,6 +233,18 @@ fn bad_input_is_one_line_with_exit_code_2() {
     }
     assert!(!lab.dir().join("runs").exists(), "nothing half-written");
     tune(&lab, &["corner.toml", "--evaluations", "2", "--out", "taken"]);
+    let fewer = lab.hilare(&["tune", "--resume", "taken", "--evaluations", "1"]).expect_code(2);
+    assert!(fewer.stderr.contains("2 candidates are evaluated already"), "{}", fewer.stderr);
     let taken = lab.hilare(&["tune", "corner.toml", "--out", "taken"]).expect_code(2);
     assert!(taken.stderr.contains("go on with hilare tune --resume taken"), "{}", taken.stderr);
+}
+
+/// With slip the robot strays beyond 6 mm: a reference there would judge nothing.
+#[test]
+fn hypervolume_counts_up_to_where_the_robot_is() {
+    let lab = lab();
+    let args = ["trapezoid", "--set", "plant.slip_mean=0.03", "--evaluations", "60", "--out", "slip"];
+    let slips = tune(&lab, &args);
+    assert!(number(&slips["untuned"]["figures"], "cross_track_mean_m") > 0.006, "{slips}");
+    assert!(number(&slips, "hypervolume") > 0.0, "{slips}");
 }

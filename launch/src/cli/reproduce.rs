@@ -14,7 +14,7 @@ pub struct ReproduceArgs {
     /// Papers: 1, 2, 3 [default: all]
     #[arg(value_name = "PAPER", value_parser = clap::value_parser!(u64).range(1..=3))]
     papers: Vec<u64>,
-    /// Runs of each disturbed job, with the seeds 1 to N
+    /// Runs of each disturbed job, with the seeds 1 to N; two at least
     #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(2..=10_000))]
     seeds: u64,
     /// Directory for reproduction.md, reproduction.json and images/ [default: runs/reproduce-N]

@@ -11,7 +11,9 @@ use crate::topic::fields::{in_words, pick, to_json, to_text};
 use crate::topic::rates::{Counter, Rates};
 use crate::topic::{Message, Source, Topic};
 use clap::{Args, Subcommand};
+use hilare_interfaces::wires::Rate;
 use serde_json::{Value, json};
+use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,6 +24,8 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(5);
 /// Time between two looks whether the robot is still up.
 const LIFE: Duration = Duration::from_millis(500);
+/// Time a wire that always carries something may be mute before that is said.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Options of `hilare topic`.
 #[derive(Args)]
@@ -51,13 +55,13 @@ enum TopicVerb {
     /// Print messages as they come
     #[command(
         after_help = "Examples:\n  hilare topic echo pose\n  hilare topic echo reference --field current.x_m --count 1\n  \
-        hilare topic echo steps --all --json > steps.jsonl\nExit codes: 0 done, 1 the robot went down first, 2 wrong use."
+        hilare topic echo steps --all --json > steps.jsonl\nExit codes: 0 done, 1 the robot went down before --count were there, 2 wrong use."
     )]
     Echo(EchoArgs),
     /// Measure how often messages come
     #[command(
         after_help = "Examples:\n  hilare topic hz pose\n  hilare topic hz command --seconds 2 --json\n\
-        Exit codes: 0 done, 1 the robot went down first, 2 wrong use."
+        Exit codes: 0 done, 1 the robot went down before --seconds were over, 2 wrong use."
     )]
     Hz(HzArgs),
 }
@@ -68,7 +72,7 @@ struct EchoArgs {
     /// Name of the wire
     topic: String,
     /// End after so many messages
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// Messages a second at most: the newest, the others are passed over
     #[arg(long, value_name = "HZ", default_value_t = 10.0, allow_negative_numbers = true)]
@@ -212,6 +216,8 @@ struct Look {
     _domain: Domain,
     told_to_end: Arc<AtomicBool>,
     asked: Instant,
+    /// Until when nothing has to have come from a wire that carries something all the time.
+    patience: Option<Instant>,
 }
 
 /// How a look ended.
@@ -235,7 +241,15 @@ impl Look {
         let dir = robot.socket.parent().unwrap_or(robot.socket.as_path());
         let domain = Domain::join(dir, "topic").map_err(refused)?;
         let source = topic.open(&domain).map_err(refused)?;
-        Ok(Self { robot, source, _domain: domain, told_to_end, asked: Instant::now() })
+        let regular = matches!(topic.wire.rate, Rate::EveryTick | Rate::EveryPeriod);
+        Ok(Self {
+            robot,
+            source,
+            _domain: domain,
+            told_to_end,
+            asked: Instant::now(),
+            patience: regular.then(|| Instant::now() + PATIENCE),
+        })
     }
 
     /// Looks again and again; `see` says whether it has seen enough.
@@ -244,9 +258,13 @@ impl Look {
             if self.told_to_end.load(Ordering::Relaxed) {
                 return End::Told;
             }
-            if see(&mut std::iter::from_fn(|| self.source.next())) {
+            let mut some = false;
+            let mut messages = std::iter::from_fn(|| self.source.next()).inspect(|_| some = true);
+            if see(&mut messages) {
                 return End::Enough;
             }
+            drop(messages);
+            self.tell_if_mute(some);
             if self.asked.elapsed() > LIFE {
                 self.asked = Instant::now();
                 if !living_robots().contains(&self.robot) {
@@ -254,6 +272,16 @@ impl Look {
                 }
             }
             sleep(LOOK);
+        }
+    }
+
+    /// Whoever looks too early shall not take the robot for broken.
+    fn tell_if_mute(&mut self, some: bool) {
+        if some {
+            self.patience = None;
+        } else if self.patience.take_if(|until| Instant::now() > *until).is_some() {
+            let why = "nothing has come yet; a robot ticks once it is armed (hilare arm), and not every robot has every wire";
+            let _ = writeln!(io::stderr(), "hilare: {why}");
         }
     }
 

@@ -96,7 +96,18 @@ pub fn tune(args: &TuneArgs) -> VerbResult {
         return evaluate::answer(&job, threads);
     }
     let (dir, log) = match &args.resume {
-        Some(dir) => (dir.clone(), open_log(dir, &job, Log::resume)?),
+        Some(dir) => {
+            let log = open_log(dir, &job, Log::resume)?;
+            if log.known() > job.plan.evaluations {
+                return Err(refused(format!(
+                    "--resume {}: {} candidates are evaluated already; --evaluations {} are fewer",
+                    dir.display(),
+                    log.known(),
+                    job.plan.evaluations
+                )));
+            }
+            (dir.clone(), log)
+        }
         None => {
             let dir = make_out_dir(args, &job)?;
             let log = open_log(&dir, &job, Log::create)?;

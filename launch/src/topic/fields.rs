@@ -55,8 +55,14 @@ pub fn in_words(value: &Value) -> String {
             let fields = map.iter().map(|(name, value)| format!("{name} {}", in_words(value)));
             format!("{{{}}}", fields.collect::<Vec<_>>().join(", "))
         }
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or(String::new(), rounded),
         other => other.to_string(),
     }
+}
+
+/// Six decimals are a micrometre, or a microradian; JSON has them all.
+fn rounded(number: f64) -> String {
+    if number != 0.0 && number.abs() < 1e-3 { format!("{number:.3e}") } else { format!("{number:.6}") }
 }
 
 fn of_layout(layout: &Layout, bytes: &[u8]) -> Value {

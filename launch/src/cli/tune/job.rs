@@ -177,8 +177,12 @@ impl Job {
         let space = Space::new(tuned.iter().map(|one| one.parameter.clone()).collect()).map_err(refused)?;
         let problem = Problem::new(courses, plan.seeds, tuned).map_err(refused)?;
         let untuned = problem.figures(&problem.untuned()).ok();
+        let within_paper_1 = untuned.is_none_or(|figures| {
+            places.iter().zip(PAPER_1_REFERENCE).all(|(place, limit)| figures[*place] < limit)
+        });
         let reference = given_reference
-            .or_else(|| is_paper_1.then(|| PAPER_1_REFERENCE.to_vec()))
+            // With slip or a wrong start its robot is beyond: then nothing would count.
+            .or_else(|| (is_paper_1 && within_paper_1).then(|| PAPER_1_REFERENCE.to_vec()))
             .or_else(|| {
                 let twice =
                     |figures: Figures| places.iter().map(|n| REFERENCE_FACTOR * figures[*n]).collect();
