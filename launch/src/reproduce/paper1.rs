@@ -13,6 +13,15 @@ mod draw;
 mod front;
 mod measured;
 
+/// What is searched: its name, its key, from SI to the paper's unit.
+const SEARCHED: [(&str, &str, f64); 5] = [
+    ("k1", "controller.kanayama.k1_per_s", 1.0),
+    ("k2", "controller.kanayama.k2_per_m2", 1e-6),
+    ("k3", "controller.kanayama.k3_per_m", 1e-3),
+    ("v_max", "limits.v_max_mps", 1e3),
+    ("omega_max", "limits.omega_max_radps", 1.0),
+];
+
 /// All of it.
 pub fn reproduce(seeds: u64) -> Result<Section, Failure> {
     let mut rows = Rows::new(&PAPER_1);
@@ -57,13 +66,7 @@ fn tables_1_and_2(rows: &mut Rows, job: &Job) -> Result<(), Failure> {
     );
     let tuned = parameters(&job.scenario.system, &[], &[]).map_err(fault)?;
     let why = "what `hilare tune` searches";
-    for (key, path, factor) in [
-        ("k1", "controller.kanayama.k1_per_s", 1.0),
-        ("k2", "controller.kanayama.k2_per_m2", 1e-6),
-        ("k3", "controller.kanayama.k3_per_m", 1e-3),
-        ("v_max", "limits.v_max_mps", 1e3),
-        ("omega_max", "limits.omega_max_radps", 1.0),
-    ] {
+    for (key, path, factor) in SEARCHED {
         rows.give("table 2", key, range(&tuned, path, factor)?, why);
     }
     Ok(())
@@ -71,13 +74,7 @@ fn tables_1_and_2(rows: &mut Rows, job: &Job) -> Result<(), Failure> {
 
 /// Figures 7 and 8: the trapezoid at point A, nothing wrong.
 fn simulation(rows: &mut Rows, pictures: &mut Vec<Picture>, job: &Job) -> Result<(), Failure> {
-    for (key, path, factor) in [
-        ("k1", "controller.kanayama.k1_per_s", 1.0),
-        ("k2", "controller.kanayama.k2_per_m2", 1e-6),
-        ("k3", "controller.kanayama.k3_per_m", 1e-3),
-        ("v_max", "limits.v_max_mps", 1e3),
-        ("omega_max", "limits.omega_max_radps", 1.0),
-    ] {
+    for (key, path, factor) in SEARCHED {
         rows.give("figure 7", key, Ours::One(job.number(path)? * factor), "as printed");
     }
     let driven = drive_all(&[Trial { job, set: Vec::new(), seed: 1, rows: true }])?.remove(0);
