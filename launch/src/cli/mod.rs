@@ -110,7 +110,7 @@ enum Verb {
     /// Search for the parameters of a law: a front of the best compromises
     #[command(
         after_help = "Examples:\n  hilare tune\n  hilare tune rectangle so --held-out trapezoid --set plant.slip_sd=0.1 --seeds 3\n  \
-        hilare tune --controller qp --evaluations 500 --parameter horizon=2..10 --out runs/qp\n  \
+        hilare tune --controller qp --evaluations 100 --parameter horizon=2..10 --out runs/qp\n  \
         hilare tune --resume runs/qp --evaluations 2000\n\
         Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
     )]
@@ -135,7 +135,7 @@ enum Verb {
     /// List, print and count what the wires carry
     #[command(
         after_help = "Examples:\n  hilare topic list\n  hilare topic echo pose --rate 2\n  hilare topic hz steps --seconds 5\n\
-        Exit codes: 0 done, 1 the robot went down first, 2 wrong use."
+        Exit codes: 0 done, 1 the robot went down before all was there that was asked for, 2 wrong use."
     )]
     Topic(topic::TopicArgs),
     /// Print the block diagram the wires are built from

@@ -94,16 +94,15 @@ impl Turns {
         Self { observers, length, next: length, before, sums: [Suffering::NONE; 2], with: false }
     }
 
-    /// `passed` is the time since the beginning; true when the turn changes.
-    pub(super) fn look(&mut self, passed: Duration, robot: impl Fn() -> Timings, page: &BarePage) -> bool {
+    /// Changes turns when it is time; `passed` is that since the beginning.
+    pub(super) fn look(&mut self, passed: Duration, robot: impl Fn() -> Timings, page: &BarePage) {
         if self.observers == 0 || passed < self.next {
-            return false;
+            return;
         }
         self.next += self.length;
         self.close(&robot(), page);
         self.with = !self.with;
         page.set_observed(self.with);
-        true
     }
 
     fn close(&mut self, robot: &Timings, page: &BarePage) {

@@ -11,7 +11,7 @@ use std::fs;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Counts {
-    /// Steps that took more than a tenth of the time until the next one.
+    /// Steps that took more than a tenth of the time until the next one; its predecessors' included.
     pub over_budget: u64,
     /// Pages that were not in memory, whether or not the disk was needed.
     pub page_faults: u64,

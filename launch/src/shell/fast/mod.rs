@@ -23,7 +23,7 @@ mod sine;
 
 use crate::config::System;
 use hilare_controller::kanayama::{KanayamaGains, SPEC};
-use hilare_interfaces::block::{TICK_S, Tick};
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::chassis::DifferentialParams;
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::params::ParamGroup;
@@ -101,13 +101,6 @@ pub struct FastFigures {
     pub effort_per_s: f64,
     /// Number of the waypoint it drove to last.
     pub waypoint: u64,
-}
-
-impl FastFigures {
-    /// Time the run took, s.
-    pub fn travel_time_s(&self) -> f64 {
-        self.ticks as f64 * TICK_S
-    }
 }
 
 /// A segment of the path, worked out.
