@@ -264,7 +264,7 @@ fn commands_of_another_epoch_are_refused_and_counted() {
     let dir = lab.runtime_dir().join(&robot.name);
     let mut command = with_python(lab.command_of(example()), &python);
     command.env("HILARE_ROBOT", &robot.name).env("HILARE_ICEORYX2_CONFIG", dir.join("iceoryx2.toml"));
-    command.env("HILARE_SYSTEM", dir.join("system.toml")).env("HILARE_PERIOD_TICKS", "5");
+    command.env("HILARE_SYSTEM", dir.join("system-1.toml")).env("HILARE_PERIOD_TICKS", "5");
     command.env("HILARE_SOURCE", "1").env("HILARE_EPOCH", "4242");
     let mut stranger = Running::start(command);
     robot.await_status("its commands are refused", |status| number(status, "commands_rejected") > 200.0);

@@ -84,7 +84,7 @@ fn nothing_of_a_robot_is_open_to_anybody_else() {
     assert!(shm.len() > 20 && shm.iter().any(|path| path.to_string_lossy().ends_with("-lock")), "{shm:?}");
     let home = lab.runtime_dir().join(&robot);
     let tree = tree(&lab.runtime_dir());
-    for kind in ["control.sock", "system.toml", "iceoryx2.toml", ".log", ".service", ".node_monitor"] {
+    for kind in ["control.sock", "system-1.toml", "iceoryx2.toml", ".log", ".service", ".node_monitor"] {
         assert!(tree.iter().any(|path| path.to_string_lossy().ends_with(kind)), "no {kind} in {tree:?}");
     }
     let mut open = Vec::new();

@@ -117,7 +117,21 @@ fn wires_are_listed_and_described_without_a_robot() {
     let names: Vec<&str> = all.as_array().expect("a list").iter().map(|topic| text(topic, "name")).collect();
     assert_eq!(
         names,
-        ["path", "reference", "command", "authority", "steps", "wheels", "fix", "pose", "truth"]
+        [
+            "goal",
+            "answer",
+            "path",
+            "reference",
+            "command",
+            "authority",
+            "steps",
+            "wheels",
+            "fix",
+            "pose",
+            "truth",
+            "health",
+            "journal"
+        ]
     );
     let list = lab.hilare(&["topic", "list"]).expect_code(0).stdout;
     assert_eq!(list.lines().count(), names.len());

@@ -22,11 +22,12 @@
 
 #define HILARE_LAYOUT_ATTRIBUTE "layout"
 
-/* launch -> planner, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints. */
+/* launch -> planner, relay, on demand: a point to go to, or waypoints to follow. GoalHeader, then
+ * Waypoints. */
 #define HILARE_GOAL_SERVICE "hilare/goal"
 #define HILARE_GOAL_LAYOUT "9798f1174bf0a157 0.1.0"
 
-/* planner -> launch, on demand: accepted, or why not. Answer. */
+/* planner -> launch, relay, on demand: accepted, or why not. Answer. */
 #define HILARE_ANSWER_SERVICE "hilare/answer"
 #define HILARE_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
 
@@ -75,11 +76,20 @@
 #define HILARE_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
 /* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder ->
- * launch, 20 Hz: state, reason, counters. Health. */
+ * launch, relay, 20 Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
 #define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
-/* relay -> , on demand: waypoints in the world frame, at most 65 536. PathHeader, then Waypoints. */
+/* relay -> recorder, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints. */
+#define HILARE_WATCH_GOAL_SERVICE "hilare/watch/goal"
+#define HILARE_WATCH_GOAL_LAYOUT "9798f1174bf0a157 0.1.0"
+
+/* relay -> recorder, on demand: accepted, or why not. Answer. */
+#define HILARE_WATCH_ANSWER_SERVICE "hilare/watch/answer"
+#define HILARE_WATCH_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
+
+/* relay -> recorder, on demand: waypoints in the world frame, at most 65 536. PathHeader, then
+ * Waypoints. */
 #define HILARE_WATCH_PATH_SERVICE "hilare/watch/path"
 #define HILARE_WATCH_PATH_LAYOUT "5e7b14bcbb67098e 0.1.0"
 
@@ -88,12 +98,12 @@
 #define HILARE_WATCH_REFERENCE_SERVICE "hilare/watch/reference"
 #define HILARE_WATCH_REFERENCE_LAYOUT "0ef859e5d54ee1df 0.1.0"
 
-/* relay -> , every control period: body velocity with source, epoch, seq, pose tick and effective tick.
- * Command. */
+/* relay -> recorder, every control period: body velocity with source, epoch, seq, pose tick and
+ * effective tick. Command. */
 #define HILARE_WATCH_COMMAND_SERVICE "hilare/watch/command"
 #define HILARE_WATCH_COMMAND_LAYOUT "533469003df0fb51 0.1.0"
 
-/* relay -> , 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority. */
+/* relay -> recorder, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority. */
 #define HILARE_WATCH_AUTHORITY_SERVICE "hilare/watch/authority"
 #define HILARE_WATCH_AUTHORITY_LAYOUT "5fe1e47848fda10e 0.1.0"
 
@@ -101,11 +111,12 @@
 #define HILARE_WATCH_STEPS_SERVICE "hilare/watch/steps"
 #define HILARE_WATCH_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
 
-/* relay -> , 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels. */
+/* relay -> recorder, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels. */
 #define HILARE_WATCH_WHEELS_SERVICE "hilare/watch/wheels"
 #define HILARE_WATCH_WHEELS_LAYOUT "bb9caf7b605e9700 0.1.0"
 
-/* relay -> , on demand: pose measured from outside, late and noisy, where there is a camera. PoseFix. */
+/* relay -> recorder, on demand: pose measured from outside, late and noisy, where there is a camera.
+ * PoseFix. */
 #define HILARE_WATCH_FIX_SERVICE "hilare/watch/fix"
 #define HILARE_WATCH_FIX_LAYOUT "5f2d70eb98eff79d 0.1.0"
 
@@ -116,6 +127,15 @@
 /* relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth. */
 #define HILARE_WATCH_TRUTH_SERVICE "hilare/watch/truth"
 #define HILARE_WATCH_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
+
+/* relay -> recorder, 20 Hz: state, reason, counters. Health. */
+#define HILARE_WATCH_HEALTH_SERVICE "hilare/watch/health"
+#define HILARE_WATCH_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
+
+/* relay -> recorder, on demand: what each box took from outside, and at which tick: what a replay needs
+ * beside the wires. Journal. */
+#define HILARE_WATCH_JOURNAL_SERVICE "hilare/watch/journal"
+#define HILARE_WATCH_JOURNAL_LAYOUT "bd34c6be9381277f 0.1.0"
 
 /* What a goal asks for. */
 enum hilare_goal_kind {
@@ -217,6 +237,25 @@ enum hilare_health_state {
     HILARE_HEALTH_STATE_DEGRADED = 3,
     /* Ended itself; the text says why. */
     HILARE_HEALTH_STATE_FAULT = 4,
+};
+
+/* What a box noted in its journal, and what the words of the entry are. */
+enum hilare_journal_kind {
+    /* The process is at work: incarnation; epoch; number of its system file; law of a controller, by its
+     * place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on from (0 none);
+     * place plus 1 of whose state that was. */
+    HILARE_JOURNAL_KIND_BEGAN = 1,
+    /* Authority was taken in: its seq; hash of the message. */
+    HILARE_JOURNAL_KIND_AUTHORITY = 2,
+    /* A command was taken in: source; epoch; seq; hash of the message. */
+    HILARE_JOURNAL_KIND_COMMAND = 3,
+    /* A pause before the tick: whole ticks lost. */
+    HILARE_JOURNAL_KIND_PAUSE = 4,
+    /* A path acts from the pose of this tick on: path id; goal id; number of waypoints. */
+    HILARE_JOURNAL_KIND_PATH = 5,
+    /* A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0
+     * refused; path id. */
+    HILARE_JOURNAL_KIND_GOAL = 6,
 };
 
 #define HILARE_GOAL_HEADER_NAME "hilare/GoalHeader/v1"
@@ -609,5 +648,32 @@ static_assert(offsetof(hilare_health, steps) == 32, "laid out otherwise here");
 static_assert(offsetof(hilare_health, rejected) == 40, "laid out otherwise here");
 static_assert(offsetof(hilare_health, path_id) == 48, "laid out otherwise here");
 static_assert(offsetof(hilare_health, text) == 56, "laid out otherwise here");
+
+#define HILARE_JOURNAL_NAME "hilare/Journal/v1"
+
+/* What a box took from outside, and at which tick: with the wires, all a replay needs. */
+typedef struct hilare_journal {
+    HILARE_TYPE_NAME(HILARE_JOURNAL_NAME)
+    /* Place of its process in the system. */
+    uint64_t slot;
+    /* Its box: 0 launch, then the workers in the diagram's order. */
+    uint64_t role;
+    /* Counts up by one with every entry of a place, over restarts, too. */
+    uint64_t seq;
+    /* Ticks the box had executed, or the tick of the pose it answered with what it took. */
+    uint64_t tick;
+    /* A JournalKind. */
+    uint64_t kind;
+    /* What was taken; which word is what, the kind says. */
+    uint64_t words[6];
+} hilare_journal;
+
+static_assert(sizeof(hilare_journal) == 88, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, slot) == 0, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, role) == 8, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, seq) == 16, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, tick) == 24, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, kind) == 32, "laid out otherwise here");
+static_assert(offsetof(hilare_journal, words) == 40, "laid out otherwise here");
 
 #endif

@@ -124,6 +124,26 @@ class HealthState(enum.IntEnum):
     FAULT = 4
 
 
+class JournalKind(enum.IntEnum):
+    """What a box noted in its journal, and what the words of the entry are."""
+
+    # The process is at work: incarnation; epoch; number of its system file; law of a controller, by its
+    # place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on from (0 none); place
+    # plus 1 of whose state that was.
+    BEGAN = 1
+    # Authority was taken in: its seq; hash of the message.
+    AUTHORITY = 2
+    # A command was taken in: source; epoch; seq; hash of the message.
+    COMMAND = 3
+    # A pause before the tick: whole ticks lost.
+    PAUSE = 4
+    # A path acts from the pose of this tick on: path id; goal id; number of waypoints.
+    PATH = 5
+    # A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0 refused;
+    # path id.
+    GOAL = 6
+
+
 def _check(message, size, **offsets):
     found = {name: getattr(message, name).offset for name in offsets}
     if ctypes.sizeof(message) != size or found != offsets:
@@ -640,6 +660,42 @@ _check(
 )
 
 
+class Journal(ctypes.Structure):
+    """What a box took from outside, and at which tick: with the wires, all a replay needs."""
+
+    _fields_ = [
+        # Place of its process in the system.
+        ("slot", ctypes.c_uint64),
+        # Its box: 0 launch, then the workers in the diagram's order.
+        ("role", ctypes.c_uint64),
+        # Counts up by one with every entry of a place, over restarts, too.
+        ("seq", ctypes.c_uint64),
+        # Ticks the box had executed, or the tick of the pose it answered with what it took.
+        ("tick", ctypes.c_uint64),
+        # A JournalKind.
+        ("kind", ctypes.c_uint64),
+        # What was taken; which word is what, the kind says.
+        ("words", ctypes.c_uint64 * 6),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """What iceoryx2 calls it."""
+        return "hilare/Journal/v1"
+
+
+_check(
+    Journal,
+    88,
+    slot=0,
+    role=8,
+    seq=16,
+    tick=24,
+    kind=32,
+    words=40,
+)
+
+
 class Wire(NamedTuple):
     """A wire: its service, its message, its element if the payload is a slice, its layout attribute."""
 
@@ -649,10 +705,10 @@ class Wire(NamedTuple):
     layout: str
 
 
-# launch -> planner, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints.
+# launch -> planner, relay, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints.
 GOAL = Wire("hilare/goal", GoalHeader, Waypoint, "9798f1174bf0a157 0.1.0")
 
-# planner -> launch, on demand: accepted, or why not. Answer.
+# planner -> launch, relay, on demand: accepted, or why not. Answer.
 ANSWER = Wire("hilare/answer", Answer, None, "3418c0b7fef52088 0.1.0")
 
 # planner -> waypoint_selector, relay, on demand: waypoints in the world frame, at most 65 536. PathHeader,
@@ -690,30 +746,37 @@ POSE = Wire("hilare/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 TRUTH = Wire("hilare/truth", Truth, None, "e165266f143c0474 0.1.0")
 
 # planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder -> launch,
-# 20 Hz: state, reason, counters. Health.
+# relay, 20 Hz: state, reason, counters. Health.
 HEALTH = Wire("hilare/health", Health, None, "4d4e64cd50153a08 0.1.0")
 
-# relay -> , on demand: waypoints in the world frame, at most 65 536. PathHeader, then Waypoints.
+# relay -> recorder, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints.
+WATCH_GOAL = Wire("hilare/watch/goal", GoalHeader, Waypoint, "9798f1174bf0a157 0.1.0")
+
+# relay -> recorder, on demand: accepted, or why not. Answer.
+WATCH_ANSWER = Wire("hilare/watch/answer", Answer, None, "3418c0b7fef52088 0.1.0")
+
+# relay -> recorder, on demand: waypoints in the world frame, at most 65 536. PathHeader, then Waypoints.
 WATCH_PATH = Wire("hilare/watch/path", PathHeader, Waypoint, "5e7b14bcbb67098e 0.1.0")
 
 # relay -> recorder, launch, every control period: last, current and coming waypoints, index, total, speed.
 # Reference.
 WATCH_REFERENCE = Wire("hilare/watch/reference", Reference, None, "0ef859e5d54ee1df 0.1.0")
 
-# relay -> , every control period: body velocity with source, epoch, seq, pose tick and effective tick.
-# Command.
+# relay -> recorder, every control period: body velocity with source, epoch, seq, pose tick and effective
+# tick. Command.
 WATCH_COMMAND = Wire("hilare/watch/command", Command, None, "533469003df0fb51 0.1.0")
 
-# relay -> , 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority.
+# relay -> recorder, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority.
 WATCH_AUTHORITY = Wire("hilare/watch/authority", Authority, None, "5fe1e47848fda10e 0.1.0")
 
 # relay -> recorder, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds. Steps.
 WATCH_STEPS = Wire("hilare/watch/steps", Steps, None, "91db82b2e31b8da9 0.1.0")
 
-# relay -> , 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels.
+# relay -> recorder, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels.
 WATCH_WHEELS = Wire("hilare/watch/wheels", Wheels, None, "bb9caf7b605e9700 0.1.0")
 
-# relay -> , on demand: pose measured from outside, late and noisy, where there is a camera. PoseFix.
+# relay -> recorder, on demand: pose measured from outside, late and noisy, where there is a camera.
+# PoseFix.
 WATCH_FIX = Wire("hilare/watch/fix", PoseFix, None, "5f2d70eb98eff79d 0.1.0")
 
 # relay -> planner, recorder, launch, 1 kHz: estimated pose in the world frame. Pose.
@@ -721,3 +784,10 @@ WATCH_POSE = Wire("hilare/watch/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 
 # relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth.
 WATCH_TRUTH = Wire("hilare/watch/truth", Truth, None, "e165266f143c0474 0.1.0")
+
+# relay -> recorder, 20 Hz: state, reason, counters. Health.
+WATCH_HEALTH = Wire("hilare/watch/health", Health, None, "4d4e64cd50153a08 0.1.0")
+
+# relay -> recorder, on demand: what each box took from outside, and at which tick: what a replay needs
+# beside the wires. Journal.
+WATCH_JOURNAL = Wire("hilare/watch/journal", Journal, None, "bd34c6be9381277f 0.1.0")

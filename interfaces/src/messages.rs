@@ -13,7 +13,8 @@ mod codes;
 pub mod sense;
 
 pub use codes::{
-    CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, Mode, ReferenceState, Refusal,
+    CODES, Code, CodeTable, Drive, Fallback, GoalKind, HealthState, JournalKind, Mode, ReferenceState,
+    Refusal,
 };
 
 /// Coming waypoints a [`Reference`] carries beyond the current one.
@@ -285,6 +286,24 @@ wire_message! {
         path_id: u64,
         /// UTF-8 reason, zero-padded.
         text: [u8; TEXT_BYTES],
+    }
+}
+
+wire_message! {
+    /// What a box took from outside, and at which tick: with the wires, all a replay needs.
+    Journal = "hilare/Journal/v1" {
+        /// Place of its process in the system.
+        slot: u64,
+        /// Its box: 0 launch, then the workers in the diagram's order.
+        role: u64,
+        /// Counts up by one with every entry of a place, over restarts, too.
+        seq: u64,
+        /// Ticks the box had executed, or the tick of the pose it answered with what it took.
+        tick: u64,
+        /// A [`JournalKind`].
+        kind: u64,
+        /// What was taken; which word is what, the kind says.
+        words: [u64; 6],
     }
 }
 

@@ -62,6 +62,16 @@ impl Role {
         }
     }
 
+    /// Its number in messages: 0 launch, then the workers in the diagram's order.
+    pub const fn code(self) -> u64 {
+        self as u64
+    }
+
+    /// The role of a number.
+    pub fn from_code(code: u64) -> Option<Self> {
+        core::iter::once(Self::Launch).chain(Self::WORKERS).find(|role| role.code() == code)
+    }
+
     /// The role of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         core::iter::once(Self::Launch).chain(Self::WORKERS).find(|role| role.name() == name)
@@ -139,7 +149,7 @@ pub const GOAL: Wire = Wire {
     element: Some(Waypoint::LAYOUT),
     layout_hash: GoalHeader::LAYOUT_HASH ^ Waypoint::LAYOUT_HASH,
     from: &[Role::Launch],
-    to: &[wakes(Role::Planner)],
+    to: &[wakes(Role::Planner), polls(Role::Relay)],
     rate: Rate::OnDemand,
     buffer: 4,
     history: 0,
@@ -153,7 +163,7 @@ pub const ANSWER: Wire = Wire {
     element: None,
     layout_hash: Answer::LAYOUT_HASH,
     from: &[Role::Planner],
-    to: &[polls(Role::Launch)],
+    to: &[polls(Role::Launch), polls(Role::Relay)],
     rate: Rate::OnDemand,
     buffer: 8,
     history: 0,
@@ -301,7 +311,7 @@ pub const HEALTH: Wire = Wire {
     element: None,
     layout_hash: Health::LAYOUT_HASH,
     from: ALL,
-    to: &[polls(Role::Launch)],
+    to: &[polls(Role::Launch), polls(Role::Relay)],
     rate: Rate::Hertz(20),
     buffer: 4,
     history: 1,
@@ -309,7 +319,7 @@ pub const HEALTH: Wire = Wire {
 };
 
 /// Every wire, in the diagram's order.
-pub const WIRES: [&Wire; 21] = [
+pub const WIRES: [&Wire; 25] = [
     &GOAL,
     &ANSWER,
     &PATH,
@@ -322,6 +332,8 @@ pub const WIRES: [&Wire; 21] = [
     &POSE,
     &TRUTH,
     &HEALTH,
+    &watch::GOAL,
+    &watch::ANSWER,
     &watch::PATH,
     &watch::REFERENCE,
     &watch::COMMAND,
@@ -331,6 +343,8 @@ pub const WIRES: [&Wire; 21] = [
     &watch::FIX,
     &watch::POSE,
     &watch::TRUTH,
+    &watch::HEALTH,
+    &watch::JOURNAL,
 ];
 
 impl Wire {
@@ -382,64 +396,4 @@ pub fn start_order() -> [Role; Role::WORKERS.len()] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_wire_has_both_ends_and_its_own_name() {
-        for (i, wire) in WIRES.iter().enumerate() {
-            // Those of the relay are for whoever comes.
-            assert!(!wire.from.is_empty() && (!wire.to.is_empty() || wire.is_watch()), "{}", wire.name);
-            assert!(wire.to.iter().all(|reader| !wire.written_by(reader.role)), "{}", wire.name);
-            assert!(WIRES[..i].iter().all(|other| other.name != wire.name), "{}", wire.name);
-        }
-    }
-
-    #[test]
-    fn the_control_path_never_sees_the_truth() {
-        let outside = [Role::Relay, Role::Recorder, Role::Launch];
-        for wire in [&TRUTH, &watch::TRUTH] {
-            assert!(wire.to.iter().all(|reader| outside.contains(&reader.role)), "{:?}", wire.to);
-        }
-    }
-
-    #[test]
-    fn the_clock_starts_last_and_readers_before_the_writers_that_wake_them() {
-        let order = start_order();
-        assert_eq!(order[order.len() - 1], Role::StepGenerator);
-        for role in Role::WORKERS {
-            assert_eq!(order.iter().filter(|r| **r == role).count(), 1);
-        }
-        let place = |role| order.iter().position(|r| *r == role).unwrap();
-        assert!(place(Role::Controller) < place(Role::WaypointSelector));
-        assert!(place(Role::WaypointSelector) < place(Role::PoseEstimator));
-        assert!(place(Role::WaypointSelector) < place(Role::Planner));
-    }
-
-    #[test]
-    fn nobody_on_the_tick_waits_for_an_observer() {
-        for wire in WIRES {
-            let observers = [Role::Relay, Role::Recorder, Role::Launch];
-            assert!(!observers.iter().any(|role| wire.wakes(*role)), "{}", wire.name);
-        }
-    }
-
-    #[test]
-    fn who_only_looks_reads_no_wire_that_the_tick_or_the_loop_writes() {
-        let loop_boxes =
-            [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
-        for wire in WIRES.iter().filter(|wire| wire.from.iter().any(|from| loop_boxes.contains(from))) {
-            let looks = |reader: &Reader| !loop_boxes.contains(&reader.role) && reader.role != Role::Relay;
-            // Twenty times a second, and launch has to know at once.
-            let allowed = if wire.name == HEALTH.name { 1 } else { 0 };
-            assert_eq!(wire.to.iter().filter(|reader| looks(reader)).count(), allowed, "{}", wire.name);
-        }
-    }
-
-    #[test]
-    fn the_relay_repeats_every_wire_it_reads_and_nothing_else() {
-        let read = WIRES.iter().filter(|wire| wire.read_by(Role::Relay));
-        let repeated = WIRES.iter().filter_map(|wire| wire.name.strip_prefix("watch/"));
-        assert!(read.map(|wire| wire.name).eq(repeated));
-    }
-}
+mod tests;

@@ -31,6 +31,7 @@ pub const CODES: &[CodeTable] = &[
     Refusal::TABLE,
     Drive::TABLE,
     HealthState::TABLE,
+    JournalKind::TABLE,
 ];
 
 /// Declares an enum with its wire code and a checked decode.
@@ -183,5 +184,26 @@ code_enum! {
         Degraded = 3, "degraded";
         /// Ended itself; the text says why.
         Fault = 4, "fault";
+    }
+}
+
+code_enum! {
+    /// What a box noted in its journal, and what the words of the entry are.
+    JournalKind {
+        /// The process is at work: incarnation; epoch; number of its system file; law of a controller, by its
+        /// place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on from (0 none); place
+        /// plus 1 of whose state that was.
+        Began = 1, "began";
+        /// Authority was taken in: its seq; hash of the message.
+        Authority = 2, "authority";
+        /// A command was taken in: source; epoch; seq; hash of the message.
+        Command = 3, "command";
+        /// A pause before the tick: whole ticks lost.
+        Pause = 4, "pause";
+        /// A path acts from the pose of this tick on: path id; goal id; number of waypoints.
+        Path = 5, "path";
+        /// A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0 refused;
+        /// path id.
+        Goal = 6, "goal";
     }
 }

@@ -4,7 +4,9 @@
 //! A reader that joins or leaves costs a writer 90 to 140 µs inside `send`. Here it costs the relay, which
 //! nobody on the tick waits for. Messages come at most some ten milliseconds after those of the wire itself.
 
-use super::{Reader, Role, Wire, polls};
+use super::{Rate, Reader, Role, Wire, polls};
+use crate::layout::WireMessage;
+use crate::messages::Journal;
 
 /// A wire repeated: same messages, same depth.
 const fn watch(wire: &Wire, name: &'static str, to: &'static [Reader], history: usize) -> Wire {
@@ -22,27 +24,33 @@ const fn watch(wire: &Wire, name: &'static str, to: &'static [Reader], history: 
     }
 }
 
+/// Goals, as launch passes them on.
+pub const GOAL: Wire = watch(&super::GOAL, "watch/goal", &[polls(Role::Recorder)], 0);
+
+/// What the planner answers.
+pub const ANSWER: Wire = watch(&super::ANSWER, "watch/answer", &[polls(Role::Recorder)], 0);
+
 /// Paths; who comes late gets the one in force.
-pub const PATH: Wire = watch(&super::PATH, "watch/path", &[], 1);
+pub const PATH: Wire = watch(&super::PATH, "watch/path", &[polls(Role::Recorder)], 1);
 
 /// References.
 pub const REFERENCE: Wire =
     watch(&super::REFERENCE, "watch/reference", &[polls(Role::Recorder), polls(Role::Launch)], 1);
 
 /// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[], 0);
+pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[polls(Role::Recorder)], 0);
 
 /// Who may drive; who comes late gets the last word.
-pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[], 1);
+pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[polls(Role::Recorder)], 1);
 
 /// Steps.
 pub const STEPS: Wire = watch(&super::STEPS, "watch/steps", &[polls(Role::Recorder), polls(Role::Launch)], 1);
 
 /// Encoders.
-pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", &[], 0);
+pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", &[polls(Role::Recorder)], 0);
 
 /// Camera.
-pub const FIX: Wire = watch(&super::FIX, "watch/fix", &[], 0);
+pub const FIX: Wire = watch(&super::FIX, "watch/fix", &[polls(Role::Recorder)], 0);
 
 /// Estimated poses.
 pub const POSE: Wire =
@@ -50,3 +58,22 @@ pub const POSE: Wire =
 
 /// True poses.
 pub const TRUTH: Wire = watch(&super::TRUTH, "watch/truth", &[polls(Role::Recorder)], 0);
+
+/// How everybody fares: of all processes on one wire, so deeper than the wire itself.
+pub const HEALTH: Wire =
+    Wire { buffer: 64, ..watch(&super::HEALTH, "watch/health", &[polls(Role::Recorder)], 0) };
+
+/// What each box took from outside, and when. It comes from no wire: the boxes keep it in memory they share with
+/// the relay, because a message more would cost the tick several microseconds.
+pub const JOURNAL: Wire = Wire {
+    name: "watch/journal",
+    message: Journal::LAYOUT,
+    element: None,
+    layout_hash: Journal::LAYOUT_HASH,
+    from: &[Role::Relay],
+    to: &[polls(Role::Recorder)],
+    rate: Rate::OnDemand,
+    buffer: 2048,
+    history: 0,
+    doc: "what each box took from outside, and at which tick: what a replay needs beside the wires",
+};

@@ -16,7 +16,7 @@ use crate::shell::planning::PlannerProcess;
 use crate::shell::realtime::{self, CpuChoice};
 use crate::shell::relay::RelayProcess;
 use crate::shell::transport::CONFIG_FILE;
-use crate::shell::worker::{Assignment, Worker, die_with_launch};
+use crate::shell::worker::{Assignment, Worker, die_with_launch, system_file};
 use clap::Args;
 use hilare_interfaces::wires::Role;
 use std::os::fd::AsRawFd;
@@ -54,9 +54,9 @@ struct Told {
     clock: ClockKind,
     #[arg(long)]
     launch_pid: i32,
-    /// System file in the runtime directory.
+    /// Number of its system file in the runtime directory.
     #[arg(long)]
-    system: String,
+    system: u64,
     #[arg(long, allow_negative_numbers = true)]
     cpu: i64,
     #[arg(long)]
@@ -94,7 +94,7 @@ pub fn service(args: &ServiceArgs) -> VerbResult {
         clock: told.clock,
         launch_pid: told.launch_pid,
         joined: told.joined,
-        system_file: told.system.clone(),
+        system: told.system,
         cpu: told.cpu,
         law: told.law.clone(),
         epoch: told.epoch,
@@ -144,8 +144,8 @@ fn become_program(program: &Path, assignment: &Assignment) -> String {
         return why;
     }
     let dir = &assignment.runtime_dir;
-    let system_file = dir.join(&assignment.system_file);
-    let system = match System::load(&system_file.to_string_lossy()) {
+    let file = dir.join(system_file(assignment.system));
+    let system = match System::load(&file.to_string_lossy()) {
         Ok(system) => system,
         Err(error) => return failed(&error),
     };
@@ -166,7 +166,7 @@ fn become_program(program: &Path, assignment: &Assignment) -> String {
     let error = Command::new(&program)
         .env("HILARE_ROBOT", &system.robot)
         .env("HILARE_ICEORYX2_CONFIG", dir.join(CONFIG_FILE))
-        .env("HILARE_SYSTEM", &system_file)
+        .env("HILARE_SYSTEM", &file)
         .env("HILARE_SOURCE", (assignment.slot + 1).to_string())
         .env("HILARE_EPOCH", assignment.epoch.to_string())
         .env("HILARE_PERIOD_TICKS", system.timing.period_ticks.to_string())

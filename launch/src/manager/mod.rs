@@ -19,6 +19,7 @@ mod member;
 mod start;
 mod supervise;
 mod swap;
+mod systems;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
@@ -177,6 +178,7 @@ pub struct Manager {
     leaving: bool,
     handover: Option<Handover>,
     lateness: lateness::LateWatch,
+    systems: systems::SystemFiles,
     /// A swap under way.
     swap: Option<swap::Swap>,
     swaps: u64,
@@ -221,6 +223,7 @@ impl Manager {
         let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
         let Claim { dir, sender, events } = claim;
         start::write_files(dir.path(), &job)?;
+        let systems = systems::SystemFiles::begin(dir.path(), &job.system).map_err(Failure::Refused)?;
         let domain = Domain::join(dir.path(), "launch").map_err(|e| refused(&e))?;
         let services = domain.create_services().map_err(|e| refused(&e))?;
         let ports = Ports::open(&domain).map_err(|e| refused(&e))?;
@@ -252,6 +255,7 @@ impl Manager {
             leaving: false,
             handover: None,
             lateness: lateness::LateWatch::default(),
+            systems,
             swap: None,
             swaps: 0,
             halted: None,

@@ -20,11 +20,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
-/// The system as workers read it.
-pub(super) const SYSTEM_FILE: &str = "system.toml";
-/// The system as a controller on trial reads it.
-pub(super) const TRIAL_FILE: &str = "trial.toml";
-
 impl Manager {
     pub(super) fn start_workers(&mut self) -> Result<(), Failure> {
         for slot in 0..self.members.len() {
@@ -72,7 +67,7 @@ impl Manager {
             "--launch-pid".to_owned(),
             std::process::id().to_string(),
             "--system".to_owned(),
-            if member.duty == Duty::Trial { TRIAL_FILE } else { SYSTEM_FILE }.to_owned(),
+            if member.duty == Duty::Trial { self.systems.trial } else { self.systems.current }.to_string(),
             format!("--cpu={}", if spare { spare_cpu } else { realtime.cpu }),
         ];
         match &member.driver {
@@ -196,13 +191,10 @@ impl Manager {
 }
 
 pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
-    let write = |name: &str, text: String| {
-        let file = dir.join(name);
-        std::fs::write(&file, text).map_err(|e| Failure::Refused(format!("{}: {e}", file.display())))
-    };
-    write(SYSTEM_FILE, job.system.to_toml())?;
     if let Some(Task::Follow(waypoints)) = &job.task {
-        write("waypoints.csv", hilare_planner::waypoint_file::write(waypoints))?;
+        let file = dir.join("waypoints.csv");
+        std::fs::write(&file, hilare_planner::waypoint_file::write(waypoints))
+            .map_err(|e| Failure::Refused(format!("{}: {e}", file.display())))?;
     }
     write_config(dir, &job.system.robot).map_err(|e| Failure::Refused(e.to_string()))
 }

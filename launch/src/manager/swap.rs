@@ -10,7 +10,6 @@
 use super::children::Running;
 use super::control::Response;
 use super::member::Duty;
-use super::start::{SYSTEM_FILE, TRIAL_FILE};
 use super::{LEASE, Manager, REST_PATIENCE};
 use crate::config::{Driver, System};
 use crate::shell::page::{Phase, SlotState};
@@ -33,8 +32,8 @@ pub(super) struct Swap {
     slot: usize,
     reply: Sender<Response>,
     since: Instant,
-    /// The system as it will be, or was before.
-    other: System,
+    /// The system as it will be (controllers) or was before, and the number of its file.
+    other: (u64, System),
     /// Commands that had been refused when it began.
     rejected_before: u64,
     /// The successor has been started (boxes other than controllers).
@@ -149,14 +148,14 @@ impl Manager {
         }
         let slot =
             self.controller(Duty::Vacant).ok_or("controllers swapped out have not left yet; try again")?;
-        self.write_system(TRIAL_FILE, &system)?;
+        self.systems.trial = self.systems.write(self.dir.path(), &system)?;
         self.members[slot].duty = Duty::Trial;
         self.members[slot].driver = Some(driver);
         self.swap = Some(Swap {
             slot,
             reply: reply.clone(),
             since: Instant::now(),
-            other: system,
+            other: (self.systems.trial, system),
             rejected_before: self.newest.steps.commands_rejected,
             started: true,
         });
@@ -242,7 +241,7 @@ impl Manager {
         let new = self.members[swap.slot].name();
         info!("{new} is in charge instead of {old}");
         let done = format!("{new} is in charge, {} ms after it was asked for", waited.as_millis());
-        self.conclude(&swap.reply, swap.other, done);
+        self.conclude(&swap.reply, swap.other.1, done);
     }
 
     /// Another controller is in charge: from now on successors are as in `system`.
@@ -268,7 +267,7 @@ impl Manager {
 
     /// From now on successors are as in `system`.
     fn adopt(&mut self, system: System) -> Result<(), String> {
-        self.write_system(SYSTEM_FILE, &system)?;
+        self.systems.current = self.systems.write(self.dir.path(), &system)?;
         self.job.system = system;
         Ok(())
     }
@@ -283,7 +282,6 @@ impl Manager {
     fn end_trial(&mut self, why: &str) {
         let Some(swap) = self.swap.take() else { return };
         let name = self.members[swap.slot].name();
-        let _ = std::fs::remove_file(self.dir.path().join(TRIAL_FILE));
         self.members[swap.slot].duty = Duty::Retiring;
         match &self.members[swap.slot].running {
             // What hangs does not listen.
@@ -303,8 +301,9 @@ impl Manager {
         reply: &Sender<Response>,
     ) -> Result<(), String> {
         let slot = self.members.iter().position(|member| member.role == role).ok_or("there is none")?;
-        self.write_system(SYSTEM_FILE, &system)?;
-        let other = std::mem::replace(&mut self.job.system, system);
+        let before = self.systems.current;
+        self.systems.current = self.systems.write(self.dir.path(), &system)?;
+        let other = (before, std::mem::replace(&mut self.job.system, system));
         self.swap = Some(Swap {
             slot,
             reply: reply.clone(),
@@ -353,27 +352,18 @@ impl Manager {
             let _ = swap.reply.send(Response::done(format!("{name}: a new one is at work")));
             return;
         };
-        self.job.system = swap.other;
-        let restored = self.write_system(SYSTEM_FILE, &self.job.system).and_then(|()| {
-            if let Some(running) = &self.members[swap.slot].running {
+        (self.systems.current, self.job.system) = swap.other;
+        let restored = match &self.members[swap.slot].running {
+            Some(running) => {
                 running.signal(Signal::KILL);
-                return Ok(());
+                Ok(())
             }
-            self.spawn(swap.slot)
-        });
+            None => self.spawn(swap.slot),
+        };
         let end =
             restored.map_or_else(|error| error, |()| "one with the old parameters comes back".to_owned());
         warn!("{name} was not taken: {why}; {end}");
         let _ = swap.reply.send(Response::refused(format!("{name}: {why}; {end}")));
-    }
-
-    /// Writes a system for workers to read; whole or not at all.
-    fn write_system(&self, name: &str, system: &System) -> Result<(), String> {
-        let file = self.dir.path().join(name);
-        let new = file.with_extension("new");
-        std::fs::write(&new, system.to_toml())
-            .and_then(|()| std::fs::rename(&new, &file))
-            .map_err(|error| format!("{}: {error}", file.display()))
     }
 }
 

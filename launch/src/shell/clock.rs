@@ -15,8 +15,8 @@ use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
 use super::{ClockKind, build, realtime};
 use hilare_interfaces::block::{Block, TICK_S, Tick};
-use hilare_interfaces::layout::WireField;
-use hilare_interfaces::messages::{Authority, Command, HealthState, Mode, Steps};
+use hilare_interfaces::layout::{WireField, WireMessage};
+use hilare_interfaces::messages::{Authority, Command, HealthState, JournalKind, Mode, Steps};
 use hilare_interfaces::wires::{self, Role};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
@@ -44,6 +44,8 @@ pub struct ClockProcess {
     steps: Output<Steps>,
     key: u64,
     tick: Tick,
+    /// The tick of the state it went on from, if it is a successor.
+    resumed: Option<Tick>,
     armed_once: bool,
     /// The announcement of authority that was looked after last, and the looks since.
     announced: u32,
@@ -63,6 +65,7 @@ impl ClockProcess {
             command: worker.domain.input(&wires::COMMAND)?,
             steps: worker.domain.output(&wires::STEPS)?,
             tick: resumed.unwrap_or(0),
+            resumed,
             armed_once: resumed.is_some(),
             announced: 0,
             looks: LOOKS,
@@ -98,9 +101,10 @@ impl ClockProcess {
     /// repeats its predecessor's last message, which may not have been sent any more.
     fn begin(&mut self, worker: &mut Worker) {
         let slot = worker.assignment.slot;
+        worker.journal_began(self.tick, self.resumed.map(|tick| (tick, slot)));
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in(&worker.page);
+            self.take_in(worker);
             if self.armed_once {
                 self.steps.send(self.generator.state());
                 worker.page.ring(&wires::STEPS);
@@ -113,21 +117,23 @@ impl ClockProcess {
     }
 
     /// Takes in everything that arrived, without spending a tick; the newest command.
-    fn take_in(&mut self, page: &SharedPage) -> Option<Command> {
-        self.take_in_authority(page);
+    fn take_in(&mut self, worker: &Worker) -> Option<Command> {
+        self.take_in_authority(worker);
         let mut newest = None;
         for _ in 0..COMMANDS_PER_TICK {
             let Some(command) = self.command.next() else { break };
             let inputs = StepInputs { commands: std::slice::from_ref(&command), ..StepInputs::default() };
             self.generator.take_in(self.tick, inputs);
+            let words = [command.source, command.epoch, command.seq, command.content_hash()];
+            worker.journal(self.tick, JournalKind::Command, &words);
             newest = Some(command);
         }
         newest
     }
 
     /// Authority is looked for when it was announced, and now and then.
-    fn take_in_authority(&mut self, page: &SharedPage) {
-        let announced = page.announced(News::Authority);
+    fn take_in_authority(&mut self, worker: &Worker) {
+        let announced = worker.page.announced(News::Authority);
         self.looks += 1;
         if announced == self.announced && self.looks < LOOKS {
             return;
@@ -135,13 +141,21 @@ impl ClockProcess {
         (self.announced, self.looks) = (announced, 0);
         while let Some(authority) = self.authority.next() {
             self.armed_once |= authority.mode == Mode::Armed.code();
-            let inputs = StepInputs { authority: Some(&authority), ..StepInputs::default() };
-            self.generator.take_in(self.tick, inputs);
+            self.obey(worker, &authority);
         }
+    }
+
+    fn obey(&mut self, worker: &Worker, authority: &Authority) {
+        let inputs = StepInputs { authority: Some(authority), ..StepInputs::default() };
+        self.generator.take_in(self.tick, inputs);
+        worker.journal(self.tick, JournalKind::Authority, &[authority.seq, authority.content_hash()]);
     }
 
     /// Executes one tick and publishes it.
     fn execute(&mut self, worker: &mut Worker, paused_ticks: u64) -> Steps {
+        if paused_ticks > 0 {
+            worker.journal(self.tick, JournalKind::Pause, &[paused_ticks]);
+        }
         let steps = self.generator.step(self.tick, StepInputs { paused_ticks, ..StepInputs::default() });
         self.tick = steps.tick;
         // First remembered, then sent: what nobody knows of may be repeated, what was done may not.
@@ -156,8 +170,8 @@ impl ClockProcess {
 
     /// Awake before its time: what can be done early is done, which warms the caches for the rest. The newest command
     /// that came.
-    fn await_awake(&mut self, page: &SharedPage, deadline_ns: u64) -> Option<Command> {
-        let early = self.take_in(page);
+    fn await_awake(&mut self, worker: &Worker, deadline_ns: u64) -> Option<Command> {
+        let early = self.take_in(worker);
         self.steps.connect();
         while monotonic_ns() < deadline_ns {
             std::hint::spin_loop();
@@ -173,7 +187,7 @@ impl ClockProcess {
         loop {
             deadline_ns += TICK_NS;
             sleep_until_ns(deadline_ns - spin_ns);
-            let early = if spin_ns > 0 { self.await_awake(&worker.page, deadline_ns) } else { None };
+            let early = if spin_ns > 0 { self.await_awake(worker, deadline_ns) } else { None };
             let woke_ns = monotonic_ns();
             let late_ns = woke_ns.saturating_sub(deadline_ns);
             worker.timing().taken.record(late_ns);
@@ -185,12 +199,9 @@ impl ClockProcess {
             deadline_ns += paused * TICK_NS;
             if worker.leaving() {
                 // Nobody is left to command: without fresh authority the ramp ends the motion.
-                self.generator.take_in(
-                    self.tick,
-                    StepInputs { authority: Some(&last_stop()), ..StepInputs::default() },
-                );
+                self.obey(worker, &last_stop());
                 farewell += 1;
-            } else if let Some(command) = self.take_in(&worker.page).or(early) {
+            } else if let Some(command) = self.take_in(worker).or(early) {
                 let slot = command.source.wrapping_sub(1) as usize;
                 if let Some(ns) = worker.page.timing(slot).since(command.pose_tick, woke_ns) {
                     worker.timing().age.record(ns);
@@ -213,7 +224,7 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
-            self.take_in(&worker.page);
+            self.take_in(worker);
             if self.generator.awaits_command(self.tick) {
                 // A successor among the readers may lack the steps that lead to it.
                 self.steps.connect();

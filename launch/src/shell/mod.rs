@@ -19,6 +19,7 @@ pub mod checkpoint;
 pub mod clock;
 pub mod fast;
 pub mod in_process;
+pub mod journal;
 pub mod mapped;
 pub mod observer;
 pub mod page;

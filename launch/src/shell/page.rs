@@ -9,6 +9,7 @@
 #![allow(unsafe_code)]
 
 use super::checkpoint::Area;
+use super::journal::JournalRing;
 use super::mapped::{Mappable, Mapped};
 use super::timing::Timing;
 use hilare_interfaces::block::Tick;
@@ -80,6 +81,7 @@ pub struct Page {
     slots: [Slot; MAX_SLOTS],
     areas: [Area; MAX_SLOTS],
     timings: [Timing; MAX_SLOTS],
+    journals: [JournalRing; MAX_SLOTS],
 }
 
 impl Page {
@@ -168,6 +170,16 @@ impl Page {
     /// What a slot's process measures of itself.
     pub fn timing(&self, slot: usize) -> &Timing {
         &self.timings[slot % MAX_SLOTS]
+    }
+
+    /// What a slot's box took from outside.
+    pub fn journal(&self, slot: usize) -> &JournalRing {
+        &self.journals[slot % MAX_SLOTS]
+    }
+
+    /// The role a slot was given to, if any.
+    pub fn role(&self, slot: usize) -> Option<Role> {
+        Role::WORKERS.into_iter().find(|role| self.members(*role).any(|member| member == slot))
     }
 
     /// How long ago a box of `role` sent its message of `tick`.

@@ -7,7 +7,7 @@ use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, GoalHeader, GoalKind, MAX_WAYPOINTS, PathHeader, Pose, Waypoint, text_field,
+    Answer, GoalHeader, GoalKind, JournalKind, MAX_WAYPOINTS, PathHeader, Pose, Waypoint, text_field,
 };
 use hilare_interfaces::wires;
 use hilare_planner::{Budget, Navigator};
@@ -39,6 +39,7 @@ impl PlannerProcess {
     /// Opens its ports, reads the scenario's path and the map, if there are any.
     pub fn new(worker: &Worker) -> Result<Self, String> {
         let incarnation = worker.assignment.incarnation;
+        worker.journal_began(0, None);
         let system = &worker.system;
         let navigator = build::navigator(system)?;
         let kept = KeptPath::in_dir(&worker.assignment.runtime_dir);
@@ -129,6 +130,8 @@ impl Reactive for PlannerProcess {
             goal = newer;
         }
         let answer = self.answer(worker, &goal.0, &goal.1);
+        let words = [answer.goal_id, answer.accepted, self.report.path_id];
+        worker.journal(self.report.tick, JournalKind::Goal, &words);
         self.answer.send(&answer);
         worker.page.announce(News::Path);
         worker.page.ring(&wires::PATH);

@@ -2,11 +2,12 @@
 //! tick anything.
 
 use super::boxes::relay_interval;
+use super::page::{MAX_SLOTS, SharedPage};
 use super::transport::{Input, Output, SliceInput, SliceOutput, TransportError};
 use super::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::layout::WireMessage;
-use hilare_interfaces::messages::{PathHeader, Pose, Steps, Truth, Waypoint};
+use hilare_interfaces::messages::{Journal, Pose, Steps, Truth, Waypoint};
 use hilare_interfaces::wires::{self, Wire, watch};
 use std::fmt;
 use std::time::Duration;
@@ -49,16 +50,15 @@ impl<T: WireMessage + fmt::Debug> Repeat for Repeated<T> {
     }
 }
 
-/// Paths, and their repetition.
-struct RepeatedPath {
-    from: SliceInput<PathHeader, Waypoint>,
-    to: SliceOutput<PathHeader, Waypoint>,
+/// A wire with waypoints, and its repetition.
+struct RepeatedSlice<H: WireMessage + fmt::Debug> {
+    from: SliceInput<H, Waypoint>,
+    to: SliceOutput<H, Waypoint>,
 }
 
-impl Repeat for RepeatedPath {
+impl<H: WireMessage + fmt::Debug> Repeat for RepeatedSlice<H> {
     fn repeat(&self) {
-        let send =
-            |header: &PathHeader, waypoints: &[Waypoint]| self.to.send(header, waypoints.iter().copied());
+        let send = |header: &H, waypoints: &[Waypoint]| self.to.send(header, waypoints.iter().copied());
         while self.from.next(send).is_some() {}
     }
 
@@ -99,6 +99,7 @@ pub struct RelayProcess {
     pose: Counted<Pose>,
     truth: Counted<Truth>,
     others: Vec<Box<dyn Repeat>>,
+    journal: Output<Journal>,
     interval: Duration,
     report: Report,
 }
@@ -114,34 +115,57 @@ impl RelayProcess {
             Ok(Box::new(Repeated::<T>::new(worker, from, to)?))
         }
         use hilare_interfaces::messages as m;
-        let path = RepeatedPath {
-            from: worker.domain.slice_input(&wires::PATH)?,
-            to: worker.domain.slice_output(&watch::PATH)?,
+        let domain = &worker.domain;
+        let goal = RepeatedSlice::<m::GoalHeader> {
+            from: domain.slice_input(&wires::GOAL)?,
+            to: domain.slice_output(&watch::GOAL)?,
+        };
+        let path = RepeatedSlice::<m::PathHeader> {
+            from: domain.slice_input(&wires::PATH)?,
+            to: domain.slice_output(&watch::PATH)?,
         };
         Ok(Self {
             steps: Counted::new(worker, &wires::STEPS, &watch::STEPS)?,
             pose: Counted::new(worker, &wires::POSE, &watch::POSE)?,
             truth: Counted::new(worker, &wires::TRUTH, &watch::TRUTH)?,
             others: vec![
+                Box::new(goal),
+                repeated::<m::Answer>(worker, &wires::ANSWER, &watch::ANSWER)?,
                 Box::new(path),
                 repeated::<m::Wheels>(worker, &wires::WHEELS, &watch::WHEELS)?,
                 repeated::<m::PoseFix>(worker, &wires::FIX, &watch::FIX)?,
                 repeated::<m::Reference>(worker, &wires::REFERENCE, &watch::REFERENCE)?,
                 repeated::<m::Command>(worker, &wires::COMMAND, &watch::COMMAND)?,
                 repeated::<m::Authority>(worker, &wires::AUTHORITY, &watch::AUTHORITY)?,
+                repeated::<m::Health>(worker, &wires::HEALTH, &watch::HEALTH)?,
             ],
+            journal: domain.output(&watch::JOURNAL)?,
             interval: relay_interval(worker.assignment.clock),
             report: Report::default(),
         })
     }
 }
 
+impl RelayProcess {
+    /// What the boxes noted since the last look.
+    fn repeat_journals(&self, page: &SharedPage) {
+        for slot in 0..MAX_SLOTS {
+            let Some(role) = page.role(slot) else { continue };
+            // Bounded: whoever notes without end shall not keep the wires waiting.
+            for entry in std::iter::from_fn(|| page.journal(slot).next()).take(watch::JOURNAL.buffer) {
+                self.journal.send(&Journal { slot: slot as u64, role: role.code(), ..entry });
+            }
+        }
+    }
+}
+
 impl Reactive for RelayProcess {
-    fn poll(&mut self, _worker: &mut Worker) -> bool {
+    fn poll(&mut self, worker: &mut Worker) -> bool {
         self.report.rejected += self.steps.repeat(|steps| steps.tick)
             + self.pose.repeat(|pose| pose.tick)
             + self.truth.repeat(|truth| truth.tick);
         self.others.iter().for_each(|wire| wire.repeat());
+        self.repeat_journals(&worker.page);
         self.report.tick = self.steps.newest.unwrap_or(0);
         self.report.steps = self.report.tick;
         // Looked at by interval, so that a busy wire does not keep it awake.
@@ -161,5 +185,6 @@ impl Reactive for RelayProcess {
         self.pose.wire.connect();
         self.truth.wire.connect();
         self.others.iter().for_each(|wire| wire.connect());
+        self.journal.connect();
     }
 }

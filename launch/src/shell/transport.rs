@@ -157,6 +157,8 @@ impl Domain {
                 Box::new(self.create::<m::Health>(&w::HEALTH)?),
                 Box::new(self.create_slice::<m::GoalHeader, m::Waypoint>(&w::GOAL)?),
                 Box::new(self.create_slice::<m::PathHeader, m::Waypoint>(&w::PATH)?),
+                Box::new(self.create_slice::<m::GoalHeader, m::Waypoint>(&watch::GOAL)?),
+                Box::new(self.create::<m::Answer>(&watch::ANSWER)?),
                 Box::new(self.create_slice::<m::PathHeader, m::Waypoint>(&watch::PATH)?),
                 Box::new(self.create::<m::Reference>(&watch::REFERENCE)?),
                 Box::new(self.create::<m::Command>(&watch::COMMAND)?),
@@ -166,6 +168,8 @@ impl Domain {
                 Box::new(self.create::<m::PoseFix>(&watch::FIX)?),
                 Box::new(self.create::<m::Pose>(&watch::POSE)?),
                 Box::new(self.create::<m::Truth>(&watch::TRUTH)?),
+                Box::new(self.create::<m::Health>(&watch::HEALTH)?),
+                Box::new(self.create::<m::Journal>(&watch::JOURNAL)?),
             ],
         })
     }

@@ -13,8 +13,9 @@ use super::realtime::{self, CpuChoice, Request};
 use super::timing::Timing;
 use super::transport::{Domain, Output};
 use crate::config::System;
+use hilare_controller::LAWS;
 use hilare_interfaces::block::{TICK_S, Tick};
-use hilare_interfaces::messages::{Health, HealthState, text_field};
+use hilare_interfaces::messages::{Health, HealthState, JournalKind, text_field};
 use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
 use rustix::process::{
@@ -29,6 +30,11 @@ use std::time::Duration;
 const HEARTBEAT_NS: u64 = 50_000_000;
 /// A step may take this part of the time until the next one.
 const BUDGET_PART: f64 = 0.1;
+
+/// Name of a numbered system file in the runtime directory. What a box may ever have read stays as it was.
+pub fn system_file(number: u64) -> String {
+    format!("system-{number}.toml")
+}
 
 /// What launch tells a worker on its command line.
 #[derive(Clone, Debug)]
@@ -45,8 +51,8 @@ pub struct Assignment {
     pub launch_pid: i32,
     /// True if somebody else started it: then it is not the kernel that ends it with launch.
     pub joined: bool,
-    /// System file in the runtime directory.
-    pub system_file: String,
+    /// Number of its system file in the runtime directory.
+    pub system: u64,
     /// Processor, as a key of the system file.
     pub cpu: i64,
     /// Control law (controllers).
@@ -162,7 +168,7 @@ impl Worker {
         let terminate = Arc::new(AtomicBool::new(false));
         signal_hook::flag::register(libc::SIGTERM, Arc::clone(&terminate)).map_err(|e| e.to_string())?;
         let page = SharedPage::inherit().map_err(|e| e.to_string())?;
-        let file = assignment.runtime_dir.join(&assignment.system_file);
+        let file = assignment.runtime_dir.join(system_file(assignment.system));
         let system = System::load(&file.to_string_lossy()).map_err(|e| e.to_string())?;
         // Writing a core file takes longer than a successor needs to start.
         if !system.supervision.core_files {
@@ -252,6 +258,22 @@ impl Worker {
             Ok(tick) => (built, tick),
             Err(Garbled) => (build(&self.system), None),
         }
+    }
+
+    /// Notes what the box took from outside.
+    #[inline]
+    pub fn journal(&self, tick: Tick, kind: JournalKind, words: &[u64]) {
+        self.page.journal(self.assignment.slot).note(tick, kind, words);
+    }
+
+    /// Notes that the process is at work, and the state it went on from: its tick and whose it was.
+    pub fn journal_began(&self, tick: Tick, state: Option<(Tick, usize)>) {
+        let told = &self.assignment;
+        let law = told.law.as_deref().and_then(|name| LAWS.iter().position(|law| law.name == name));
+        let law = law.map_or(0, |place| place as u64 + 1);
+        let (saved, whose) = state.map_or((0, 0), |(tick, slot)| (tick + 1, slot as u64 + 1));
+        let words = [told.incarnation, told.epoch, told.system, law, saved, whose];
+        self.journal(tick, JournalKind::Began, &words);
     }
 
     /// What this process measures of itself.

@@ -47,12 +47,12 @@ impl<T: WireMessage + fmt::Debug> Source for Plain<T> {
     }
 }
 
-struct Sliced(SliceInput<m::PathHeader, m::Waypoint>);
+struct Sliced<H: WireMessage + fmt::Debug>(SliceInput<H, m::Waypoint>);
 
-impl Source for Sliced {
+impl<H: WireMessage + fmt::Debug> Source for Sliced<H> {
     fn next(&self) -> Option<Message> {
         self.0.next(|header, waypoints| Message {
-            layout: &m::PathHeader::LAYOUT,
+            layout: &H::LAYOUT,
             bytes: header.as_bytes().to_vec(),
             elements: Some((
                 &m::Waypoint::LAYOUT,
@@ -72,8 +72,10 @@ fn plain<T: WireMessage + fmt::Debug>(
     Ok(Box::new(Plain::<T>(domain.input(wire)?)))
 }
 
-const SOURCES: [(&Wire, Open); 9] = [
-    (&watch::PATH, |domain| Ok(Box::new(Sliced(domain.slice_input(&watch::PATH)?)))),
+const SOURCES: [(&Wire, Open); 13] = [
+    (&watch::GOAL, |domain| Ok(Box::new(Sliced::<m::GoalHeader>(domain.slice_input(&watch::GOAL)?)))),
+    (&watch::ANSWER, |domain| plain::<m::Answer>(domain, &watch::ANSWER)),
+    (&watch::PATH, |domain| Ok(Box::new(Sliced::<m::PathHeader>(domain.slice_input(&watch::PATH)?)))),
     (&watch::REFERENCE, |domain| plain::<m::Reference>(domain, &watch::REFERENCE)),
     (&watch::COMMAND, |domain| plain::<m::Command>(domain, &watch::COMMAND)),
     (&watch::AUTHORITY, |domain| plain::<m::Authority>(domain, &watch::AUTHORITY)),
@@ -82,6 +84,8 @@ const SOURCES: [(&Wire, Open); 9] = [
     (&watch::FIX, |domain| plain::<m::PoseFix>(domain, &watch::FIX)),
     (&watch::POSE, |domain| plain::<m::Pose>(domain, &watch::POSE)),
     (&watch::TRUTH, |domain| plain::<m::Truth>(domain, &watch::TRUTH)),
+    (&watch::HEALTH, |domain| plain::<m::Health>(domain, &watch::HEALTH)),
+    (&watch::JOURNAL, |domain| plain::<m::Journal>(domain, &watch::JOURNAL)),
 ];
 
 /// A wire one can look at.
@@ -101,7 +105,8 @@ impl Topic {
     pub fn all() -> impl Iterator<Item = Self> {
         SOURCES.into_iter().filter_map(|(wire, open)| {
             let name = wire.name.strip_prefix("watch/")?;
-            let origin = WIRES.into_iter().find(|origin| origin.name == name)?;
+            // The journal is no wire but the relay's.
+            let origin = WIRES.into_iter().find(|origin| origin.name == name).unwrap_or(wire);
             Some(Self { name, wire, origin, open })
         })
     }
@@ -141,6 +146,6 @@ mod tests {
                 assert_eq!(Topic::named(&name).map(|found| found.name), Some(topic.name), "{name}");
             }
         }
-        assert!(Topic::named("health").is_none() && Topic::named("").is_none());
+        assert!(Topic::named("no_such").is_none() && Topic::named("").is_none());
     }
 }

@@ -28,6 +28,8 @@ pub struct ControllerProcess {
     period_ticks: u64,
     /// The tick that was answered last, or that the state it began with is of.
     done: Option<Tick>,
+    /// The tick of the state it began with, and the place of whose it was.
+    began_with: Option<(Tick, usize)>,
     report: Report,
 }
 
@@ -48,6 +50,7 @@ impl ControllerProcess {
             key: key_of((Role::Controller, setup, worker.system.acceptance().name())),
             period_ticks: worker.system.timing.period_ticks,
             done: None,
+            began_with: None,
             controller: build::controller(&worker.system, law, identity)?,
             law,
             identity,
@@ -97,6 +100,7 @@ impl ControllerProcess {
             match worker.recall(slot, self.key, &wanted, &mut self.controller) {
                 Ok(Some(saved)) => {
                     self.done = Some(saved);
+                    self.began_with = Some((saved, slot));
                     return true;
                 }
                 Ok(None) => {}
@@ -117,6 +121,7 @@ impl ControllerProcess {
         let mut ticks = last.iter().map(|(reference, _)| reference.tick);
         if let Some(first) = ticks.next() {
             self.catch_up(worker, first, ticks.next_back().unwrap_or(first));
+            worker.journal_began(self.done.unwrap_or(0), self.began_with);
         }
         for (reference, pose) in last.iter() {
             self.answer(worker, reference, pose);

@@ -33,6 +33,7 @@ impl PlantProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
         let domain = &worker.domain;
+        worker.journal_began(0, None);
         let sensors = match worker.system.reads_sensors() {
             true => Some((domain.output(&wires::WHEELS)?, domain.output(&wires::FIX)?)),
             false => None,

@@ -96,6 +96,7 @@ impl EstimatorProcess {
     pub fn new(worker: &mut Worker) -> Result<Self, String> {
         let key = key_of((Role::PoseEstimator, worker.system.estimator.name()));
         let (reckoner, done) = worker.resume(key, Reckoner::new);
+        worker.journal_began(done.unwrap_or(0), done.map(|tick| (tick, worker.assignment.slot)));
         let system = &worker.system;
         let sensors = match system.reads_sensors() {
             true => Some(SensorInputs {

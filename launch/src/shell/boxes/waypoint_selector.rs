@@ -7,7 +7,7 @@ use crate::shell::page::News;
 use crate::shell::transport::{Input, Output, SliceInput};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
-use hilare_interfaces::messages::{MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
+use hilare_interfaces::messages::{JournalKind, MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
 use hilare_interfaces::wires::{self, Role};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 
@@ -41,6 +41,7 @@ impl SelectorProcess {
     pub fn new(worker: &mut Worker) -> Result<Self, String> {
         let key = key_of(Role::WaypointSelector);
         let (selector, done) = worker.resume(key, build::waypoint_selector);
+        worker.journal_began(done.unwrap_or(0), done.map(|tick| (tick, worker.assignment.slot)));
         Ok(Self {
             selector,
             pose: worker.domain.input(&wires::POSE)?,
@@ -91,6 +92,10 @@ impl SelectorProcess {
     fn choose(&mut self, worker: &mut Worker, pose: &Pose) {
         worker.note_taken(Role::PoseEstimator, pose.tick);
         let header = self.waiting.take();
+        if let Some(header) = &header {
+            let words = [header.path_id, header.goal_id, self.waiting_points.len() as u64];
+            worker.journal(pose.tick, JournalKind::Path, &words);
+        }
         let path = header.as_ref().map(|header| NewPath { header, waypoints: &self.waiting_points });
         let reference = self.selector.step(pose.tick, SelectorInputs { pose, path });
         worker.note_telling(pose.tick);
