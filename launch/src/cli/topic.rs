@@ -111,14 +111,7 @@ pub fn topic(args: &TopicArgs) -> VerbResult {
 
 fn named(name: &str) -> Result<Topic, Failure> {
     let names = || Topic::all().map(|topic| topic.name).collect::<Vec<_>>().join(", ");
-    Topic::named(name).ok_or_else(|| {
-        let why = match name {
-            "health" => "launch alone hears it (hilare status)".to_owned(),
-            "goal" | "answer" => "it is between launch and planner alone".to_owned(),
-            _ => format!("there are {}", names()),
-        };
-        refused(format!("no topic {name:?}: {why}"))
-    })
+    Topic::named(name).ok_or_else(|| refused(format!("no topic {name:?}: there are {}", names())))
 }
 
 fn about(topic: &Topic) -> Value {
