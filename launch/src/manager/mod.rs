@@ -6,6 +6,7 @@
 pub mod children;
 pub mod control;
 pub mod join;
+pub mod measured;
 pub mod notify;
 pub mod robot_dir;
 pub mod status;
@@ -183,6 +184,7 @@ pub struct Manager {
     /// Why the robot has to be armed again, if so.
     halted: Option<String>,
     notify: notify::Notify,
+    born: Instant,
     dir: RobotDir,
 }
 
@@ -256,6 +258,7 @@ impl Manager {
             swaps: 0,
             halted: None,
             notify: notify::Notify::from_environment(),
+            born: Instant::now(),
             dir,
         };
         if robot_dir::estop_latch(&manager.job.system.robot).exists() {
