@@ -4,7 +4,9 @@
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
 //! * [`latency`]: how punctual it all is.
+//! * [`look`]: a robot seen from outside.
 //! * [`report`]: what a run came to.
+//! * [`top`]: a robot on a terminal.
 //! * [`topic`]: what the wires carry, for people.
 //! * [`reproduce`]: what the papers print, beside what comes out here.
 //! * [`systemd`]: units that start a robot at boot.
@@ -16,11 +18,13 @@ pub mod cli;
 pub mod config;
 pub mod latency;
 pub mod logging;
+pub mod look;
 pub mod manager;
 mod private;
 pub mod report;
 pub mod reproduce;
 pub mod shell;
 pub mod systemd;
+pub mod top;
 pub mod topic;
 pub mod tuning;
