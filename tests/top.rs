@@ -71,7 +71,9 @@ fn one_frame_shows_the_robot_as_it_is() {
     let bars = shown["lateness_bars"].as_array().expect("bars").iter().filter_map(Value::as_f64).sum::<f64>();
     assert!(bars > 50.0 && bars <= number(&shown, "tick"), "{bars}");
 
-    let frame = lab.hilare(&["top", "--once", "--interval", "0.3", "--robot", &robot]).expect_code(0).stdout;
+    let mut command = lab.command(&["top", "--once", "--interval", "0.3", "--robot", &robot]);
+    command.env("LC_ALL", "C");
+    let frame = Running::start(command).wait(PATIENCE).expect_code(0).stdout;
     for said in [&*robot, "armed", "controller* kanayama", "step_generator", "wires/s", "late us", "mm "] {
         assert!(frame.contains(said), "{said:?} is not in\n{frame}");
     }

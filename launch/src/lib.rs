@@ -3,6 +3,7 @@
 //! * [`config`]: system and scenario files.
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
+//! * [`doctor`]: what a machine allows.
 //! * [`latency`]: how punctual it all is.
 //! * [`look`]: a robot seen from outside.
 //! * [`report`]: what a run came to.
@@ -16,6 +17,7 @@
 
 pub mod cli;
 pub mod config;
+pub mod doctor;
 pub mod latency;
 pub mod logging;
 pub mod look;

@@ -286,7 +286,8 @@ fn table(shown: &Shown, width: usize, style: Style) -> Vec<Line> {
     };
     let mut head = Line::new(width, style);
     let title = cells("PROCESS", &|column| column.head.to_owned());
-    head.put(Mark::Head, &format!("{title:<width$}"));
+    // Its colour reaches to the edge.
+    head.put(Mark::Head, &if style.colour { format!("{title:<width$}") } else { title });
     let mut lines = vec![head];
     for (process, name) in shown.processes.iter().zip(&names) {
         let mut line = Line::new(width, style);
