@@ -32,11 +32,13 @@ pub enum Role {
     Relay,
     /// Keeps what happened.
     Recorder,
+    /// A page about the robot, where one is wanted.
+    Operator,
 }
 
 impl Role {
     /// Every worker, in the diagram's order; launch is not one.
-    pub const WORKERS: [Self; 8] = [
+    pub const WORKERS: [Self; 9] = [
         Self::Planner,
         Self::WaypointSelector,
         Self::Controller,
@@ -45,6 +47,7 @@ impl Role {
         Self::Plant,
         Self::Relay,
         Self::Recorder,
+        Self::Operator,
     ];
 
     /// Name in commands, files and folders.
@@ -59,6 +62,7 @@ impl Role {
             Self::Plant => "plant",
             Self::Relay => "relay",
             Self::Recorder => "recorder",
+            Self::Operator => "operator",
         }
     }
 
@@ -397,7 +401,7 @@ mod tests {
 
     #[test]
     fn the_control_path_never_sees_the_truth() {
-        let outside = [Role::Relay, Role::Recorder, Role::Launch];
+        let outside = [Role::Relay, Role::Recorder, Role::Operator, Role::Launch];
         for wire in [&TRUTH, &watch::TRUTH] {
             assert!(wire.to.iter().all(|reader| outside.contains(&reader.role)), "{:?}", wire.to);
         }
@@ -419,7 +423,7 @@ mod tests {
     #[test]
     fn nobody_on_the_tick_waits_for_an_observer() {
         for wire in WIRES {
-            let observers = [Role::Relay, Role::Recorder, Role::Launch];
+            let observers = [Role::Relay, Role::Recorder, Role::Operator, Role::Launch];
             assert!(!observers.iter().any(|role| wire.wakes(*role)), "{}", wire.name);
         }
     }

@@ -6,6 +6,7 @@
 //! * [`doctor`]: what a machine allows.
 //! * [`latency`]: how punctual it all is.
 //! * [`look`]: a robot seen from outside.
+//! * [`operator`]: the page about a robot.
 //! * [`report`]: what a run came to.
 //! * [`top`]: a robot on a terminal.
 //! * [`topic`]: what the wires carry, for people.
@@ -22,6 +23,7 @@ pub mod latency;
 pub mod logging;
 pub mod look;
 pub mod manager;
+pub mod operator;
 mod private;
 pub mod report;
 pub mod reproduce;

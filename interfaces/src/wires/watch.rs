@@ -23,30 +23,44 @@ const fn watch(wire: &Wire, name: &'static str, to: &'static [Reader], history: 
 }
 
 /// Paths; who comes late gets the one in force.
-pub const PATH: Wire = watch(&super::PATH, "watch/path", &[], 1);
+pub const PATH: Wire = watch(&super::PATH, "watch/path", &[polls(Role::Operator)], 1);
 
 /// References.
-pub const REFERENCE: Wire =
-    watch(&super::REFERENCE, "watch/reference", &[polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const REFERENCE: Wire = watch(
+    &super::REFERENCE,
+    "watch/reference",
+    &[polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[], 0);
+pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[polls(Role::Operator)], 0);
 
 /// Who may drive; who comes late gets the last word.
-pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[], 1);
+pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[polls(Role::Operator)], 1);
 
 /// Steps.
-pub const STEPS: Wire = watch(&super::STEPS, "watch/steps", &[polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const STEPS: Wire = watch(
+    &super::STEPS,
+    "watch/steps",
+    &[polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// Encoders.
-pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", &[], 0);
+pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", &[polls(Role::Operator)], 0);
 
 /// Camera.
-pub const FIX: Wire = watch(&super::FIX, "watch/fix", &[], 0);
+pub const FIX: Wire = watch(&super::FIX, "watch/fix", &[polls(Role::Operator)], 0);
 
 /// Estimated poses.
-pub const POSE: Wire =
-    watch(&super::POSE, "watch/pose", &[polls(Role::Planner), polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const POSE: Wire = watch(
+    &super::POSE,
+    "watch/pose",
+    &[polls(Role::Planner), polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// True poses.
-pub const TRUTH: Wire = watch(&super::TRUTH, "watch/truth", &[polls(Role::Recorder)], 0);
+pub const TRUTH: Wire =
+    watch(&super::TRUTH, "watch/truth", &[polls(Role::Recorder), polls(Role::Operator)], 0);

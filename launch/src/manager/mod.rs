@@ -23,6 +23,7 @@ mod swap;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
+use crate::operator::port;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
@@ -222,6 +223,9 @@ impl Manager {
     pub fn start(claim: Claim, job: Job, log: &LogSink) -> Result<Self, Failure> {
         let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
         let Claim { dir, sender, events } = claim;
+        if job.workers == Workers::Own {
+            port::check(&job.system.listen).map_err(Failure::Refused)?;
+        }
         start::write_files(dir.path(), &job)?;
         let domain = Domain::join(dir.path(), "launch").map_err(|e| refused(&e))?;
         let services = domain.create_services().map_err(|e| refused(&e))?;
