@@ -10,7 +10,7 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 
 /// Files a process of a robot may have to open: launch holds every wire, and talks to everybody.
-const FILES_NEEDED: u64 = 512;
+const FILES_NEEDED: u64 = 256;
 /// Room for reports and recordings below which it is told.
 const DISK_NEEDED: u64 = 1 << 30;
 
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn room_and_limits_are_judged() {
         assert_eq!((judge_disk(DISK_NEEDED).verdict, judge_disk(DISK_NEEDED - 1).verdict), (Good, Warning));
-        assert_eq!((judge_open_files(1024).verdict, judge_open_files(256).verdict), (Good, Warning));
+        assert_eq!((judge_open_files(1024).verdict, judge_open_files(255).verdict), (Good, Warning));
         assert_eq!(judge_open_files(u64::MAX).found, "any number");
     }
 

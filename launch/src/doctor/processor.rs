@@ -133,12 +133,18 @@ pub(super) fn interrupts(
     match busiest {
         Some((rate, device)) if rate >= INTERRUPTS_TOLD => {
             let number = device.split(' ').next().unwrap_or("N");
-            let others = if cpu == 0 { "1".to_owned() } else { format!("0-{}", cpu - 1) };
+            let others = match cpu {
+                0 => "1".to_owned(),
+                1 => "0".to_owned(),
+                cpu => format!("0-{}", cpu - 1),
+            };
             Finding::warning(
                 CHECK,
                 format!("{rate:.0} a second of {device} on cpu {cpu}, where the tick runs"),
                 format!(
-                    "echo {others} > /proc/irq/{number}/smp_affinity_list, and keep irqbalance from it (IRQBALANCE_BANNED_CPULIST={cpu})"
+                    "echo {others} > /proc/irq/{number}/smp_affinity_list, and keep irqbalance from it \
+                     (IRQBALANCE_BANNED_CPULIST={cpu}); queues of disks move only by isolcpus=managed_irq,{cpu} on the \
+                     kernel's command line"
                 ),
             )
         }
@@ -263,7 +269,7 @@ mod tests {
             busy.verdict == Warning && busy.found.starts_with("4000 a second of 24 (eth0) on cpu 1"),
             "{busy:?}"
         );
-        assert!(busy.cure.starts_with("echo 0-0 > /proc/irq/24/smp_affinity_list"), "{busy:?}");
+        assert!(busy.cure.starts_with("echo 0 > /proc/irq/24/smp_affinity_list"), "{busy:?}");
         fake.put(FILE, "garbled");
         let nothing = Interrupts::of(&fake.machine);
         assert_eq!(interrupts(&fake.machine, &before, &nothing, COUNTED).verdict, Unknown);
