@@ -80,5 +80,5 @@ pub fn text() -> String {
 
 fn line(from: &str, wire: &str, to: &str, rate: &str) -> String {
     let arrow = format!("──{wire}──▶");
-    format!("{from:<20}{arrow:<20} {to:<37} {rate}\n")
+    format!("{from:<20}{arrow:<20} {to:<47} {rate}\n")
 }

@@ -69,7 +69,7 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
-             tracking, controller, estimator, planner, plant, camera, start, supervision, wake_up, realtime",
+             tracking, controller, estimator, planner, plant, camera, start, supervision, operator, wake_up, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
@@ -93,7 +93,7 @@ fn unknown_sections_name_the_one_that_was_meant() {
         (
             "[colour]",
             "1: unknown section [colour]; known: chassis, motors, limits, timing, tracking, controller, estimator, \
-             planner, plant, camera, start, supervision, wake_up, realtime",
+             planner, plant, camera, start, supervision, operator, wake_up, realtime",
         ),
         (
             "[limits.v_max_mps]\nx = 1",
@@ -357,7 +357,7 @@ fn processes_on_the_tick_are_real_time_on_the_last_cpu() {
     for role in [Role::Planner, Role::Launch] {
         assert_eq!(epuck.realtime(role), Realtime::UNBOUND);
     }
-    for role in [Role::Relay, Role::Recorder] {
+    for role in [Role::Relay, Role::Recorder, Role::Operator] {
         assert_eq!(epuck.realtime(role), Realtime { cpu: -3, priority: 0 });
     }
 }
