@@ -29,8 +29,8 @@ pub const PATH: Wire = watch(&super::PATH, "watch/path", &[], 1);
 pub const REFERENCE: Wire =
     watch(&super::REFERENCE, "watch/reference", &[polls(Role::Recorder), polls(Role::Launch)], 1);
 
-/// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[], 0);
+/// Commands of every controller: of up to four on one wire, so deeper than the wire itself.
+pub const COMMAND: Wire = Wire { buffer: 256, ..watch(&super::COMMAND, "watch/command", &[], 0) };
 
 /// Who may drive; who comes late gets the last word.
 pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[], 1);

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Longest record, longest chunk (compressed or not): what is longer is no recording of ours, and not read into memory.
-const MAX_RECORD: usize = 256 << 20;
+const MAX_RECORD: usize = 128 << 20;
 /// Read at once.
 const READ_BYTES: usize = 256 << 10;
 const READ_AT_MOST: usize = 4 << 20;
