@@ -7,6 +7,7 @@
 //! * [`latency`]: how punctual it all is.
 //! * [`look`]: a robot seen from outside.
 //! * [`operator`]: the page about a robot.
+//! * [`recording`]: what went over the wires, kept in files and read back.
 //! * [`report`]: what a run came to.
 //! * [`top`]: a robot on a terminal.
 //! * [`topic`]: what the wires carry, for people.
@@ -25,6 +26,7 @@ pub mod look;
 pub mod manager;
 pub mod operator;
 mod private;
+pub mod recording;
 pub mod report;
 pub mod reproduce;
 pub mod shell;

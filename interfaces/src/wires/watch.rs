@@ -44,8 +44,8 @@ pub const REFERENCE: Wire = watch(
     1,
 );
 
-/// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", LOOKERS, 0);
+/// Commands of every controller: of up to four on one wire, so deeper than the wire itself.
+pub const COMMAND: Wire = Wire { buffer: 256, ..watch(&super::COMMAND, "watch/command", LOOKERS, 0) };
 
 /// Who may drive; who comes late gets the last word.
 pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", LOOKERS, 1);

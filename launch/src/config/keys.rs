@@ -5,6 +5,7 @@ use super::texts::{
     ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, LISTEN, MAP, MOTORS, ROBOT, STANDBY, TextSpec,
 };
 use super::{Supervision, System, WakeUp, realtime};
+use crate::recording::RecordingParams;
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
@@ -136,6 +137,7 @@ pub(super) enum Section {
     Supervision,
     Operator,
     WakeUp,
+    Recording,
     Realtime(Role),
 }
 
@@ -147,7 +149,7 @@ impl Section {
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
             .chain([Estimator, Planner, Fit, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
-            .chain([Operator, WakeUp])
+            .chain([Operator, WakeUp, Recording])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -189,6 +191,7 @@ impl Section {
             Self::Supervision => "supervision".to_owned(),
             Self::Operator => "operator".to_owned(),
             Self::WakeUp => "wake_up".to_owned(),
+            Self::Recording => "recording".to_owned(),
             Self::Realtime(role) => format!("realtime.{}", role.name()),
         }
     }
@@ -262,6 +265,7 @@ impl Section {
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
             Self::WakeUp => WakeUp::SPECS,
+            Self::Recording => RecordingParams::SPECS,
             Self::Realtime(role) => realtime::specs(role),
         }
     }
@@ -293,6 +297,7 @@ impl Section {
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
             Self::WakeUp => &system.wake_up,
+            Self::Recording => &system.recording,
             Self::Realtime(role) => &system.realtime[realtime::index(role)?],
         })
     }
@@ -317,6 +322,7 @@ impl Section {
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
             Self::WakeUp => &mut system.wake_up,
+            Self::Recording => &mut system.recording,
             Self::Realtime(role) => &mut system.realtime[realtime::index(role)?],
         })
     }

@@ -31,6 +31,7 @@ pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
 pub use texts::TextSpec;
 
+use crate::recording::RecordingParams;
 use document::Document;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
@@ -139,6 +140,8 @@ pub struct System {
     pub listen: String,
     /// How the clock wakes.
     pub wake_up: WakeUp,
+    /// How recordings are written.
+    pub recording: RecordingParams,
     realtime: [Realtime; Role::WORKERS.len()],
 }
 
@@ -176,6 +179,7 @@ impl Default for System {
             supervision: Supervision::default(),
             listen: texts::LISTEN.default.to_owned(),
             wake_up: WakeUp::default(),
+            recording: RecordingParams::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
         }
     }
