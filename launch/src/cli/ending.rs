@@ -63,6 +63,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
         acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
         reference_speed_mps: scenario.system.tracking.speed_mps,
         rows: &end.rows,
+        mishaps: &[],
     };
     write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
     if args.json {

@@ -55,7 +55,8 @@ pub const FAINT_ORANGE: RGBColor = RGBColor(246, 216, 160);
 /// What stands farther back.
 pub const PALE: RGBColor = RGBColor(205, 205, 205);
 
-const INK: RGBColor = RGBColor(40, 40, 40);
+/// Text.
+pub const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(232, 232, 232);
 
 /// A drawing area on a sheet.

@@ -83,8 +83,8 @@ fn the_report_is_written_whole() {
     let written = write_report(&dir, &summary(), &input, "tick\n5\n").unwrap();
     let mut names: Vec<_> = fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
-    assert_eq!(names, ["cross_track.svg", "path.svg", "speed.svg", "summary.json", "trace.csv"]);
-    assert_eq!(written.len(), 5);
+    assert_eq!(names, ["cross_track.svg", "path.csv", "path.svg", "speed.svg", "summary.json", "trace.csv"]);
+    assert_eq!(written.len(), 6);
     assert_eq!(fs::read_to_string(dir.join("summary.json")).unwrap(), summary().to_json());
     assert_eq!(fs::read_to_string(dir.join("trace.csv")).unwrap(), "tick\n5\n");
 }
@@ -178,6 +178,7 @@ fn input() -> PlotInput<'static> {
         reference_speed_mps: 0.04,
         rows: &[],
         map: None,
+        mishaps: &[],
     }
 }
 
@@ -283,6 +284,7 @@ fn degenerate_runs_are_drawn() {
                     reference_speed_mps: speed,
                     rows,
                     map: None,
+                    mishaps: &[],
                 };
                 drawn("degenerate", &input);
             }
