@@ -3,7 +3,9 @@
 use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
-use crate::report::{Correction, Counters, PlotInput, RunIdentity, Summary, verdict_text, write_report};
+use crate::report::{
+    Correction, Counters, PlotInput, RunIdentity, Summary, source, verdict_text, write_report,
+};
 use crate::shell::observer::Handover;
 use hilare_interfaces::latency::Quantiles;
 use hilare_planner::{ClearanceField, Map};
@@ -57,7 +59,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     summary.clearance_min_m = drive.map.and_then(|map| least_clearance_m(map, &end.rows, radius_m));
     summary.correction = scenario.correction.and_then(|band| Correction::of(&end.rows, band));
     let plots = PlotInput {
-        title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
+        title: &source::title(&scenario.name, law, args.clock.name()),
         waypoints: drive.waypoints,
         map: drive.map,
         acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,

@@ -12,6 +12,7 @@ mod header;
 mod latency;
 mod operate;
 mod plan;
+mod plot;
 mod reproduce;
 pub(crate) mod run;
 mod service;
@@ -100,6 +101,12 @@ enum Verb {
         hilare fit curve.csv --tolerance 0.005 --tangent --json\nExit codes: 0 fitted, 2 wrong use, bad input or no such fit (the reason is given)."
     )]
     Fit(fit::FitArgs),
+    /// Draw the pictures of a run that is over, as SVG or PNG
+    #[command(after_help = "Examples:\n  hilare plot runs/rectangle-kanayama-real-1\n  \
+        hilare plot runs/mine --out mine.png --width 1000\n  \
+        hilare plot runs/mine --what path,heading --format png --out pictures\n\
+        Exit codes: 0 drawn, 1 fault, 2 wrong use, not a run, or nowhere to write.")]
+    Plot(plot::PlotArgs),
     /// Run several control laws on the same scenarios and compare them
     #[command(
         after_help = "Examples:\n  hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
@@ -193,6 +200,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Swap(args)) => operate::swap(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
+        Some(Verb::Plot(args)) => plot::plot(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Tune(args)) => tune::tune(&args),
         Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),

@@ -17,6 +17,7 @@ pub mod pictures;
 pub mod plan;
 pub mod plots;
 pub mod raster;
+pub mod source;
 pub mod summary;
 pub mod verdict;
 
@@ -26,6 +27,7 @@ mod tests;
 pub use correction::{Band, Correction};
 pub use pictures::write_plots;
 pub use plots::{Mishaps, PlotInput};
+pub use source::PastRun;
 pub use summary::{Counters, RunIdentity, Summary};
 pub use verdict::verdict_text;
 
