@@ -118,7 +118,7 @@ fn figures(summary: &Summary) -> Vec<String> {
             mm(summary.speed_error_mean_mps)
         ),
         format!(
-            "{} ticks late, {} lost to pauses (longest {}); {} commands late, {} rejected, {} cycles without",
+            "{} ticks late, {} lost to pauses (longest {}); {} commands late, {} rejected, {} cycles without a command",
             summary.ticks_late,
             summary.paused_ticks,
             summary.paused_max_ticks,

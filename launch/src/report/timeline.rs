@@ -27,8 +27,8 @@ const NEXT: &str = "heads for the next waypoint";
 pub(super) struct Timeline<'a> {
     /// What it shows.
     pub title: &'a str,
-    /// Description of the y axis with its unit.
-    pub y_name: &'a str,
+    /// What the y axis means, and its unit.
+    pub y: (&'a str, &'a str),
     /// Height, pixels.
     pub height: i32,
     /// What is drawn.
@@ -88,9 +88,12 @@ impl Timeline<'_> {
         let time = self.time_range();
         let values = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
         let range = value_range(values.chain(self.levels.iter().map(|level| level.1)));
+        // Beside a low plot there is no room for more than the unit.
+        let (what, unit) = self.y;
+        let y_name = if self.height < HEIGHT { unit.to_owned() } else { format!("{what} ({unit})") };
         sheet(self.height, self.title, &self.legend(), |area| {
             let (low, high) = (range.start, range.end);
-            let mut chart = axes(area, (time.clone(), "time (s)"), (range, self.y_name))?;
+            let mut chart = axes(area, (time.clone(), "time (s)"), (range, &y_name))?;
             draw_changes(&mut chart, &self.changes, &time, (low, high))?;
             for curve in &self.curves {
                 draw_curve(&mut chart, curve)?;
