@@ -4,6 +4,7 @@
 //! standard error; with `--json`, standard output carries JSON and nothing else.
 
 mod compare;
+mod compare_runs;
 mod diagram;
 mod doctor;
 mod ending;
@@ -107,11 +108,12 @@ enum Verb {
         hilare plot runs/mine --what path,heading --format png --out pictures\n\
         Exit codes: 0 drawn, 1 fault, 2 wrong use, not a run, or nowhere to write.")]
     Plot(plot::PlotArgs),
-    /// Run several control laws on the same scenarios and compare them
+    /// Compare runs that are over, or control laws on the same scenarios
     #[command(
-        after_help = "Examples:\n  hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
+        after_help = "Examples:\n  hilare compare runs/mine runs/yours\n  hilare compare runs/mine other.mcap --format png --out runs/beside\n  \
+        hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
         hilare compare rectangle --laws kanayama,qp --seeds 20 --set estimator.kind=ekf --set plant.slip_mean=0.05\n\
-        Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
+        Exit codes: 0 done (also if runs differ or a law did not arrive), 1 a report could not be written, 2 wrong use or bad input."
     )]
     Compare(compare::CompareArgs),
     /// Search for the parameters of a law: a front of the best compromises

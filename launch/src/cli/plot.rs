@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// Options of `hilare plot`.
 #[derive(Args)]
 pub struct PlotArgs {
-    /// A run's directory
+    /// A run's directory, or a recording (.mcap)
     #[arg(value_name = "RUN")]
     run: PathBuf,
     /// Pictures, separated by commas: path, cross-track, heading, speed, yaw-rate, estimate, late (recordings), sheet
@@ -43,11 +43,6 @@ pub(super) struct ShapeArgs {
 }
 
 impl ShapeArgs {
-    /// Nothing was asked for.
-    pub(super) fn is_default(&self) -> bool {
-        self.format.is_none() && self.width.is_none()
-    }
-
     /// The width, if it can be drawn.
     pub(super) fn width_px(&self) -> Result<Option<u32>, Failure> {
         match self.width {

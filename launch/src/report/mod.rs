@@ -12,6 +12,7 @@ mod timeline;
 pub mod chart;
 pub mod correction;
 pub mod curves;
+pub mod differences;
 pub mod overlay;
 pub mod pictures;
 pub mod plan;
