@@ -21,7 +21,8 @@ pub struct PlotArgs {
     /// [default: all; into a file: sheet]
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     what: Vec<String>,
-    /// Directory for the pictures, or a file (.svg, .png) for one of them [default: the run's directory]
+    /// Directory for the pictures, or a file (.svg, .png) for one of them [default: the run's directory;
+    /// of a recording a directory of its name]
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -70,9 +71,9 @@ impl Target {
     fn of(args: &PlotArgs) -> Result<Self, Failure> {
         let asked = args.shape.format;
         let Some(out) = &args.out else {
-            // A recording lies among others; its pictures go beside it.
-            let dir = if args.run.is_dir() { Some(&*args.run) } else { args.run.parent() };
-            return Ok(Self::Dir(dir.unwrap_or(Path::new("")).to_owned(), args.shape.format()));
+            // A recording lies among others; its pictures go into a directory of its name.
+            let dir = if args.run.is_dir() { args.run.clone() } else { args.run.with_extension("") };
+            return Ok(Self::Dir(dir, args.shape.format()));
         };
         let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
         let is_word = !extension.is_empty() && extension.chars().all(|c| c.is_ascii_alphabetic());

@@ -238,7 +238,11 @@ impl RunLine {
 impl Figure {
     /// `None` if no run has it.
     fn line(&self, runs: &[PastRun]) -> Option<FigureLine> {
-        let values: Vec<Option<f64>> = runs.iter().map(|run| (self.value)(&run.summary)).collect();
+        let counted_by_launch = ["swaps", "restarts"].contains(&self.key);
+        let value = |run: &PastRun| {
+            if run.is_recording && counted_by_launch { None } else { (self.value)(&run.summary) }
+        };
+        let values: Vec<Option<f64>> = runs.iter().map(value).collect();
         values.iter().flatten().next()?;
         let first = values[0];
         let difference = |value: &Option<f64>| value.zip(first).map(|(value, first)| value - first);

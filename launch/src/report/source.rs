@@ -1,6 +1,7 @@
 //! A run that is over, read back to be drawn and compared, from what `hilare run` has written.
 
 mod directory;
+mod recording;
 
 use super::{Mishaps, PlotInput, Summary};
 use hilare_interfaces::geometry::WorldPose;
@@ -19,6 +20,8 @@ pub struct PastRun {
     pub place: PathBuf,
     /// What it came to.
     pub summary: Summary,
+    /// It is a recording alone: what launch counts (restarts, swaps, lateness) is not known.
+    pub is_recording: bool,
     /// Its path; empty where that is not known.
     pub waypoints: Vec<Waypoint>,
     /// Acceptance radius of a waypoint, m.
@@ -29,6 +32,8 @@ pub struct PastRun {
     pub map: Option<Map>,
     /// Its curves, oldest first.
     pub rows: Vec<TraceRow>,
+    /// Every tick and its estimated pose, oldest first; empty where only the curves were kept.
+    pub poses: Vec<(u64, WorldPose)>,
     /// What went amiss; empty where not every tick was recorded.
     pub mishaps: Vec<Mishaps>,
     /// The system file, resolved; empty where that is not known.
@@ -41,9 +46,11 @@ impl PastRun {
     /// Reads a run's directory or a recording. An error is one line that says where, what and what to do.
     pub fn open(place: &Path) -> Result<Self, String> {
         let shown = place.display();
-        let wanted = "a run's directory, as hilare run --out DIR makes it";
+        let wanted = "a run's directory, as hilare run --out DIR makes it, or a recording (.mcap)";
         if place.is_dir() {
             directory::open(place)
+        } else if place.extension().is_some_and(|extension| extension == RECORDING) {
+            recording::open(place)
         } else if place.exists() {
             Err(format!("{shown}: not a run; {wanted}, is wanted"))
         } else {
@@ -77,7 +84,9 @@ impl PastRun {
 
     /// Ticks and estimated poses, as many as are known, oldest first.
     pub fn poses(&self) -> impl Iterator<Item = (u64, WorldPose)> + '_ {
-        self.rows.iter().map(|row| (row.tick, row.pose))
+        // Of one of them there is nothing.
+        let rows = if self.poses.is_empty() { &self.rows[..] } else { &[] };
+        self.poses.iter().copied().chain(rows.iter().map(|row| (row.tick, row.pose)))
     }
 }
 

@@ -1,7 +1,8 @@
-//! A run's directory: `summary.json`, `system.toml`, `path.csv`, `trace.csv`.
+//! A run's directory: `summary.json`, `system.toml`, `path.csv`, `trace.csv`, and what only its recording has.
 
-use super::PastRun;
+use super::{PastRun, recording};
 use crate::config::System;
+use crate::recording::{RECORDING_FILE, Recording};
 use crate::report::Summary;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::waypoint_file;
@@ -29,15 +30,26 @@ pub(super) fn open(dir: &Path) -> Result<PastRun, String> {
         None
     });
     let rows = parse_csv(&read(dir, "trace.csv")?).map_err(|error| format!("{}/{error}", dir.display()))?;
+    let (mut poses, mut mishaps) = (Vec::new(), Vec::new());
+    if dir.join(RECORDING_FILE).exists() {
+        let read = Recording::open(dir).map_err(|error| error.to_string());
+        match read.and_then(|recording| recording::ticks(&recording)) {
+            Ok((ticks, ..)) => (poses, mishaps) = (ticks.poses, ticks.mishaps),
+            // The curves are in trace.csv.
+            Err(error) => lacking.push(format!("{error}; left aside")),
+        }
+    }
     Ok(PastRun {
         place: dir.to_owned(),
         summary,
+        is_recording: false,
         waypoints,
         acceptance_radius_m: system.tracking.acceptance_radius_m,
         reference_speed_mps: system.tracking.speed_mps,
         map,
         rows,
-        mishaps: Vec::new(),
+        poses,
+        mishaps,
         system: system_text,
         lacking,
     })
