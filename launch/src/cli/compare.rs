@@ -126,7 +126,7 @@ fn compare_laws(args: &CompareArgs) -> VerbResult {
     for job in &jobs {
         let (table, traces) = job.run(args.seeds)?;
         let runs: Vec<Run<'_>> = traces.iter().map(|(law, rows)| Run { name: law.name, rows }).collect();
-        write_overlay(&out, &job.scenario.name, &[&job.waypoints], &runs, shape)
+        write_overlay(&out, (&job.scenario.name, &job.scenario.name), &[&job.waypoints], &runs, shape)
             .map_err(|error| Failure::Fault(error.to_string()))?;
         text.push_str(&table_text(job, &table, args.seeds));
         rows.extend(table);

@@ -38,7 +38,10 @@ pub(super) fn compare_runs(args: &CompareArgs, places: &[&String]) -> VerbResult
             plans.push(&run.waypoints);
         }
     }
-    write_overlay(&out, NAME, &plans, &curves, shape).map_err(|error| Failure::Fault(error.to_string()))?;
+    let mut title: Vec<&str> = runs.iter().map(|run| run.summary.scenario.as_str()).collect();
+    title.dedup();
+    write_overlay(&out, (NAME, &title.join(", ")), &plans, &curves, shape)
+        .map_err(|error| Failure::Fault(error.to_string()))?;
     let mut text = differences.text();
     for lacking in runs.iter().flat_map(|run| &run.lacking) {
         text.push_str(&format!("{lacking}\n"));

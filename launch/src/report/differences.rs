@@ -182,9 +182,15 @@ impl Differences {
     fn table(&self, text: &mut String, other: usize) {
         let (a, b) = (&self.runs[0].name, &self.runs[other].name);
         let _ = writeln!(text, "  {:<28}{a:>16}{b:>16}{:>16}{:>10}", "", format!("{b} - {a}"), "%");
+        let mut nothing: Vec<&str> = Vec::new();
         for line in &self.figures {
             let Some(figure) = FIGURES.iter().find(|figure| figure.key == line.figure) else { continue };
             let (name, unit, factor, decimals) = figure.shown;
+            // Most runs have nothing to count.
+            if decimals == 0 && line.values[0] == Some(0.0) && line.values[other] == Some(0.0) {
+                nothing.push(name);
+                continue;
+            }
             let name = if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") };
             let number = |value: Option<f64>, sign: bool| match value.map(|value| value * factor) {
                 None => "-".to_owned(),
@@ -199,6 +205,9 @@ impl Differences {
             let (a, b) = (number(line.values[0], false), number(line.values[other], false));
             let difference = number(line.differences[other], true);
             let _ = writeln!(text, "  {name:<28}{a:>16}{b:>16}{difference:>16}{percent:>10}");
+        }
+        if !nothing.is_empty() {
+            let _ = writeln!(text, "  None of: {}.", nothing.join(", "));
         }
     }
 

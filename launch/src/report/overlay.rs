@@ -49,16 +49,16 @@ pub struct Run<'a> {
 /// reason.
 pub fn write_overlay(
     dir: &Path,
-    name: &str,
+    (name, title): (&str, &str),
     plans: &[&[Waypoint]],
     runs: &[Run<'_>],
     (format, width_px): (Format, Option<u32>),
 ) -> io::Result<Vec<PathBuf>> {
     make_dir(dir)?;
     let pictures = [
-        ("path", path_svg(name, plans, runs)?),
-        ("cross_track", cross_track_svg(name, runs)?),
-        ("speed", speed_svg(name, runs)?),
+        ("path", path_svg(title, plans, runs)?),
+        ("cross_track", cross_track_svg(title, runs)?),
+        ("speed", speed_svg(title, runs)?),
     ];
     let mut written = Vec::new();
     for (what, svg) in pictures {

@@ -4,6 +4,7 @@ mod directory;
 mod recording;
 
 use super::{Mishaps, PlotInput, Summary};
+use crate::config::Scenario;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
@@ -58,8 +59,12 @@ impl PastRun {
         }
     }
 
-    /// True if an argument names a run, not a scenario: it is a directory, or a recording by its name.
+    /// True if an argument names a run, not a scenario: it is a directory, or a recording by its name. What is built
+    /// in comes first, wherever the directory `so` may lie.
     pub fn is_named_by(argument: &str) -> bool {
+        if Scenario::builtin_names().any(|name| name == argument) {
+            return false;
+        }
         let path = Path::new(argument);
         path.extension().is_some_and(|extension| extension == RECORDING) || path.is_dir()
     }
@@ -94,3 +99,6 @@ impl PastRun {
 pub fn title(scenario: &str, law: &str, clock: &str) -> String {
     format!("{scenario}, {law}, {clock} clock")
 }
+
+#[cfg(test)]
+mod tests;

@@ -90,12 +90,17 @@ pub(super) fn ticks(recording: &Recording) -> Result<(Ticks, BTreeMap<u64, Vec<W
     let mut paths = BTreeMap::new();
     // What was before the recording is no gap in it.
     let mut before = None;
+    // Where the newest reference says so.
+    let mut arrived_on = None;
     for timed in recording.entries() {
         match timed.map_err(|error| error.to_string())?.entry {
             Entry::Steps(steps) => assembler.push_steps(steps),
             Entry::Pose(pose) => assembler.push_pose(pose),
             Entry::Truth(truth) => assembler.push_truth(truth),
-            Entry::Reference(reference) => assembler.push_reference(reference),
+            Entry::Reference(reference) => {
+                arrived_on = (reference.state == ReferenceState::Arrived.code()).then_some(reference.path_id);
+                assembler.push_reference(reference);
+            }
             Entry::Path(header, waypoints) => {
                 paths.insert(header.path_id, waypoints);
             }
@@ -111,6 +116,10 @@ pub(super) fn ticks(recording: &Recording) -> Result<(Ticks, BTreeMap<u64, Vec<W
         before.get_or_insert(tick.steps.tick - 1);
         ticks.push(tick);
     });
+    // Of a run that ended with its arrival there is no tick after it.
+    if ticks.path.is_some() && arrived_on == ticks.path {
+        ticks.record.statistics.note_arrival();
+    }
     let gaps = assembler.gaps().saturating_sub(before.unwrap_or(0));
     Ok((ticks, paths, gaps))
 }
