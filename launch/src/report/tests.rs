@@ -197,7 +197,7 @@ fn row(tick: u64, x_m: f64, y_m: f64) -> TraceRow {
     }
 }
 
-/// Draws into a directory of its own and returns path, speed and cross-track.
+/// Draws into a directory of its own and returns path, cross-track and speed.
 fn drawn(name: &str, input: &PlotInput<'_>) -> [String; 3] {
     let scratch = tempfile::tempdir().unwrap();
     let written = write_plots(scratch.path(), input).unwrap();
@@ -254,7 +254,7 @@ const DARK: &str = "#464646";
 #[test]
 fn every_series_is_drawn_once() {
     let rows: Vec<TraceRow> = (0..2000).map(|n| row(n * 5, 0.2 + n as f64 * 2e-4, 0.2)).collect();
-    let [path, speed, cross_track] = drawn("series", &PlotInput { rows: &rows, ..input() });
+    let [path, cross_track, speed] = drawn("series", &PlotInput { rows: &rows, ..input() });
     assert_eq!([BLUE, ORANGE, DARK].map(|color| curves(&path, color)), [1, 1, 1]);
     assert_eq!(curves(&speed, BLUE), 1);
     assert_eq!(curves(&cross_track, BLUE), 1);
