@@ -204,6 +204,9 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
     if let Some(Task::Follow(waypoints)) = &job.task {
         write("waypoints.csv", hilare_planner::waypoint_file::write(waypoints))?;
     }
+    if let Some(order) = &job.recording {
+        order.leave_in(dir).map_err(Failure::Refused)?;
+    }
     write_config(dir, &job.system.robot).map_err(|e| Failure::Refused(e.to_string()))
 }
 

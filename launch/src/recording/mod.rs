@@ -20,15 +20,21 @@ pub mod cdr;
 pub mod info;
 pub mod part;
 pub mod reader;
+pub mod ros;
 pub mod schemas;
+pub mod settings;
 pub mod tape;
 pub mod wires;
 mod writer;
 
+#[cfg(test)]
+mod tests;
+
 pub use audit::{Report, WireReport};
 pub use info::RunInfo;
 pub use reader::{Recording, Timed};
-pub use tape::{Settings, Tape};
+pub use settings::{Order, RecordingParams, Settings};
+pub use tape::Tape;
 pub use wires::{Entry, Heard};
 
 use std::fmt;

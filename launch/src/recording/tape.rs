@@ -6,12 +6,13 @@
 
 use super::audit::{Audit, Report};
 use super::info::RunInfo;
+use super::settings::Settings;
 use super::wires::{Heard, RECORDED};
 use super::writer::{self, Written};
 use super::{RecordingError, cdr};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::mem::take;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
@@ -29,23 +30,6 @@ const FULL_BATCH: usize = 128 << 10;
 const NS_PER_TICK: u64 = 1_000_000;
 /// Time between two words about messages given up.
 const WARN_EVERY: Duration = Duration::from_secs(1);
-
-/// How to record.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// File of the first part; one that is there is not touched, the next number is taken.
-    pub path: PathBuf,
-    /// A new part after so many bytes; 0 never.
-    pub rotate_bytes: u64,
-    /// A new part after so much time of the recording; 0 never.
-    pub rotate_ns: u64,
-    /// Most bytes that wait for the disk.
-    pub queue_bytes: usize,
-    /// Bytes of a chunk before it is compressed.
-    pub chunk_bytes: u64,
-    /// Wait for the disk rather than give messages up: virtual time.
-    pub patient: bool,
-}
 
 /// Messages on their way to the writer's thread.
 #[derive(Debug, Default)]
@@ -179,14 +163,11 @@ impl Tape {
         }
         let size = self.batch.size();
         let has_room = |waiting: usize| waiting == 0 || waiting + size <= self.settings.queue_bytes;
-        while self.settings.patient
-            && !has_room(self.waiting.load(Ordering::Acquire))
-            && !self.thread.is_finished()
-        {
+        while self.settings.patient && !has_room(self.waiting()) && !self.thread.is_finished() {
             thread::sleep(Duration::from_micros(200));
         }
         let batch = take(&mut self.batch);
-        let given_up = if has_room(self.waiting.load(Ordering::Acquire)) {
+        let given_up = if has_room(self.waiting()) {
             self.waiting.fetch_add(size, Ordering::Release);
             self.send(batch).err().inspect(|_| {
                 self.waiting.fetch_sub(size, Ordering::Release);
@@ -222,13 +203,18 @@ impl Tape {
         if self.last_warning.is_none_or(|last| last.elapsed() >= WARN_EVERY) {
             self.last_warning = Some(Instant::now());
             let path = self.settings.path.display();
-            let mb = self.settings.queue_bytes >> 20;
+            let mb = self.settings.queue_bytes / 1_000_000;
             warn!(
                 "{path}: the disk is too slow, {} messages are not recorded; {mb} MB of them wait (recording.queue_mb)",
                 self.dropped_since
             );
             self.dropped_since = 0;
         }
+    }
+
+    /// Bytes that wait for the disk.
+    pub fn waiting(&self) -> usize {
+        self.waiting.load(Ordering::Acquire)
     }
 
     /// Ends the recording; what is not written after `patience` is given up. What it came to.

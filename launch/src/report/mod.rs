@@ -29,7 +29,7 @@ pub use correction::{Band, Correction};
 pub use pictures::write_plots;
 pub use plots::{Mishaps, PlotInput};
 pub use source::PastRun;
-pub use summary::{Counters, RunIdentity, Summary};
+pub use summary::{Counters, RecordingSummary, RunIdentity, Summary};
 pub use verdict::verdict_text;
 
 use hilare_planner::waypoint_file;
