@@ -207,7 +207,15 @@ impl Differences {
             let _ = writeln!(text, "  {name:<28}{a:>16}{b:>16}{difference:>16}{percent:>10}");
         }
         if !nothing.is_empty() {
-            let _ = writeln!(text, "  None of: {}.", nothing.join(", "));
+            // As many as fit on a line.
+            for (n, names) in nothing.chunks(5).enumerate() {
+                let (begin, end) = (if n == 0 { "  None of: " } else { "    " }, names.join(", "));
+                let _ = writeln!(
+                    text,
+                    "{begin}{end}{}",
+                    if 5 * n + names.len() < nothing.len() { "," } else { "." }
+                );
+            }
         }
     }
 

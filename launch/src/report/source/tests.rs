@@ -29,6 +29,8 @@ fn driven(dir: &Path, changes: &[&str]) -> (RunRecord, Vec<Waypoint>) {
         queue_bytes: 1 << 20,
         chunk_bytes: 1 << 20,
         patient: true,
+        wheels: system.chassis.wheels(),
+        count_rad: 0.0,
     };
     let info = RunInfo {
         scenario: scenario.name.clone(),
