@@ -34,7 +34,7 @@ pub(super) fn open(dir: &Path) -> Result<PastRun, String> {
     if dir.join(RECORDING_FILE).exists() {
         let read = Recording::open(dir).map_err(|error| error.to_string());
         match read.and_then(|recording| recording::ticks(&recording)) {
-            Ok((ticks, ..)) => (poses, mishaps) = (ticks.poses, ticks.mishaps),
+            Ok(ticks) => (poses, mishaps) = (ticks.poses, ticks.mishaps),
             // The curves are in trace.csv.
             Err(error) => lacking.push(format!("{error}; left aside")),
         }

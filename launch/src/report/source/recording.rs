@@ -30,6 +30,10 @@ pub(super) struct Ticks {
     paths: usize,
     /// Ticks after the arrival.
     after: u64,
+    /// Every path, by its number.
+    plans: BTreeMap<u64, Vec<Waypoint>>,
+    /// Ticks that are missing between the first and the last.
+    gaps: u64,
 }
 
 impl Ticks {
@@ -41,6 +45,8 @@ impl Ticks {
             path: None,
             paths: 0,
             after: 0,
+            plans: BTreeMap::new(),
+            gaps: 0,
         }
     }
 
@@ -83,11 +89,10 @@ impl Ticks {
 }
 
 /// Everything a recording has of each tick.
-pub(super) fn ticks(recording: &Recording) -> Result<(Ticks, BTreeMap<u64, Vec<Waypoint>>, u64), String> {
+pub(super) fn ticks(recording: &Recording) -> Result<Ticks, String> {
     let period_ticks = recording.info().period_ticks;
     let mut assembler = Assembler::new(period_ticks);
     let mut ticks = Ticks::new(period_ticks);
-    let mut paths = BTreeMap::new();
     // What was before the recording is no gap in it.
     let mut before = None;
     // Where the newest reference says so.
@@ -102,7 +107,7 @@ pub(super) fn ticks(recording: &Recording) -> Result<(Ticks, BTreeMap<u64, Vec<W
                 assembler.push_reference(reference);
             }
             Entry::Path(header, waypoints) => {
-                paths.insert(header.path_id, waypoints);
+                ticks.plans.insert(header.path_id, waypoints);
             }
             _ => continue,
         }
@@ -120,14 +125,14 @@ pub(super) fn ticks(recording: &Recording) -> Result<(Ticks, BTreeMap<u64, Vec<W
     if ticks.path.is_some() && arrived_on == ticks.path {
         ticks.record.statistics.note_arrival();
     }
-    let gaps = assembler.gaps().saturating_sub(before.unwrap_or(0));
-    Ok((ticks, paths, gaps))
+    ticks.gaps = assembler.gaps().saturating_sub(before.unwrap_or(0));
+    Ok(ticks)
 }
 
 pub(super) fn open(file: &Path) -> Result<PastRun, String> {
     let recording = Recording::open(file).map_err(|error| error.to_string())?;
     let place = file.display();
-    let (ticks, mut paths, gaps) = ticks(&recording)?;
+    let mut ticks = ticks(&recording)?;
     let rows = ticks.record.trace.rows().to_vec();
     if rows.is_empty() {
         return Err(format!(
@@ -140,14 +145,14 @@ pub(super) fn open(file: &Path) -> Result<PastRun, String> {
             lacking.push(format!("{place}: {what}"));
         }
     };
-    lacks(gaps > 0, format!("{gaps} ticks are missing in it"));
+    lacks(ticks.gaps > 0, format!("{} ticks are missing in it", ticks.gaps));
     lacks(
         recording.truncated().is_some(),
         "it has no end; what came after its last whole chunk is lost".to_owned(),
     );
     lacks(ticks.paths > 1, format!("{} paths were driven; the last one is drawn", ticks.paths));
     lacks(ticks.after > 1, format!("{} ticks after the arrival are left away", ticks.after));
-    let waypoints = ticks.path.and_then(|path| paths.remove(&path)).unwrap_or_default();
+    let waypoints = ticks.path.and_then(|path| ticks.plans.remove(&path)).unwrap_or_default();
     lacks(waypoints.is_empty(), "its path is not in it and not drawn".to_owned());
     let system_text = recording.system().unwrap_or_default().to_owned();
     let system = recording.system().and_then(|text| System::parse("system.toml", text).ok());
