@@ -32,6 +32,8 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "follow",
         "goal",
         "plan",
+        "plot",
+        "compare",
         "tune",
         "reproduce",
         "latency",
@@ -117,7 +119,7 @@ fn a_report_holds_what_it_promises() {
         let plots =
             plots.filter(|entry| entry.path().extension().is_some_and(|extension| extension == "svg"));
         assert!(plots.count() >= 3, "path, speed and cross-track");
-        for file in ["summary.json", "system.toml", "trace.csv"] {
+        for file in ["summary.json", "system.toml", "path.csv", "trace.csv"] {
             assert!(report.join(file).is_file(), "{file}");
         }
     }

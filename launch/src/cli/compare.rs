@@ -1,11 +1,13 @@
-//! `hilare compare`: laws side by side on the same jobs.
+//! `hilare compare`: laws side by side on the same jobs; runs that are over, in `compare_runs`.
 
+use super::compare_runs::compare_runs;
+use super::plot::ShapeArgs;
 use super::run::{Drive, path_of, seed_keys, time_limit};
 use super::{VerbResult, print, refused};
 use crate::config::{Published, Scenario};
 use crate::manager::Failure;
 use crate::report::overlay::{Run, write_overlay};
-use crate::report::{Band, Correction};
+use crate::report::{Band, Correction, PastRun, write_file};
 use crate::shell::in_process::InProcess;
 use clap::Args;
 use hilare_controller::{LAWS, LawSpec};
@@ -25,9 +27,10 @@ const STANDARD: [&str; 3] = ["trapezoid", "rectangle", "so"];
 /// Options of `hilare compare`.
 #[derive(Args)]
 pub struct CompareArgs {
-    /// Built-in scenarios or .toml files [default: trapezoid rectangle so]
-    #[arg(value_name = "SCENARIO")]
-    scenarios: Vec<String>,
+    /// Built-in scenarios or .toml files [default: trapezoid rectangle so]; or runs that are over, two or more:
+    /// directories or recordings (.mcap)
+    #[arg(value_name = "SCENARIO|RUN")]
+    pub(super) named: Vec<String>,
     /// Laws, separated by commas [default: every law that drives the scenario's chassis]
     #[arg(long, value_name = "LAW,LAW", value_delimiter = ',')]
     laws: Vec<String>,
@@ -39,10 +42,12 @@ pub struct CompareArgs {
     set: Vec<String>,
     /// Directory for compare.json and the pictures [default: runs/compare-N]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) shape: ShapeArgs,
     /// Print compare.json instead of the tables
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// Processor time of a law's step on the machine it ran on, µs, untrimmed.
@@ -71,9 +76,36 @@ struct Row {
     correction: Option<Correction>,
 }
 
-/// Runs every law on every scenario, in one thread and virtual time.
+/// Runs that are over, or laws on scenarios.
 pub fn compare(args: &CompareArgs) -> VerbResult {
-    let names: Vec<&str> = match &args.scenarios[..] {
+    let (runs, scenarios): (Vec<&String>, Vec<&String>) =
+        args.named.iter().partition(|argument| PastRun::is_named_by(argument));
+    match (&runs[..], &scenarios[..]) {
+        ([], _) => compare_laws(args),
+        ([run, ..], [scenario, ..]) => Err(refused(format!(
+            "{run} is a run that is over and {scenario} a scenario; compare either runs or laws on scenarios"
+        ))),
+        (runs, []) => {
+            let laws = [
+                ("--laws", !args.laws.is_empty()),
+                ("--seeds", args.seeds != 1),
+                ("--set", !args.set.is_empty()),
+            ];
+            if let Some((flag, _)) = laws.iter().find(|(_, given)| *given) {
+                return Err(refused(format!(
+                    "{flag}: {} is a run that is over; it goes with scenarios",
+                    runs[0]
+                )));
+            }
+            compare_runs(args, runs)
+        }
+    }
+}
+
+/// Runs every law on every scenario, in one thread and virtual time.
+fn compare_laws(args: &CompareArgs) -> VerbResult {
+    let shape = (args.shape.format(), args.shape.width_px()?);
+    let names: Vec<&str> = match &args.named[..] {
         [] => STANDARD.to_vec(),
         given => given.iter().map(String::as_str).collect(),
     };
@@ -94,18 +126,22 @@ pub fn compare(args: &CompareArgs) -> VerbResult {
     for job in &jobs {
         let (table, traces) = job.run(args.seeds)?;
         let runs: Vec<Run<'_>> = traces.iter().map(|(law, rows)| Run { name: law.name, rows }).collect();
-        write_overlay(&out, &job.scenario.name, &job.waypoints, &runs)
+        write_overlay(&out, (&job.scenario.name, &job.scenario.name), &[&job.waypoints], &runs, shape)
             .map_err(|error| Failure::Fault(error.to_string()))?;
         text.push_str(&table_text(job, &table, args.seeds));
         rows.extend(table);
     }
-    let json = serde_json::to_string_pretty(&rows).map_err(|error| Failure::Fault(error.to_string()))? + "\n";
-    let file = out.join("compare.json");
-    fs::write(&file, &json).map_err(|error| Failure::Fault(format!("{}: {error}", file.display())))?;
+    finish(args, &out, &rows, &text)
+}
+
+/// Writes `compare.json` and prints it or the text.
+pub(super) fn finish(args: &CompareArgs, out: &Path, all: &impl Serialize, text: &str) -> VerbResult {
+    let json = serde_json::to_string_pretty(all).map_err(|error| Failure::Fault(error.to_string()))? + "\n";
+    write_file(out, "compare.json", &json).map_err(|error| Failure::Fault(error.to_string()))?;
     if args.json {
         print(&json);
     } else {
-        print(&text);
+        print(text);
         print(&format!("Report: {}\n", out.display()));
     }
     Ok(ExitCode::SUCCESS)

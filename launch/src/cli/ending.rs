@@ -4,7 +4,8 @@ use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
 use crate::report::{
-    Correction, Counters, PlotInput, RecordingSummary, RunIdentity, Summary, verdict_text, write_report,
+    Correction, Counters, PlotInput, RecordingSummary, RunIdentity, Summary, source, verdict_text,
+    write_report,
 };
 use crate::shell::observer::Handover;
 use hilare_interfaces::latency::Quantiles;
@@ -60,12 +61,13 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     summary.recording = handover.recording.as_ref().map(RecordingSummary::from);
     summary.correction = scenario.correction.and_then(|band| Correction::of(&end.rows, band));
     let plots = PlotInput {
-        title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
+        title: &source::title(&scenario.name, law, args.clock.name()),
         waypoints: drive.waypoints,
         map: drive.map,
         acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
         reference_speed_mps: scenario.system.tracking.speed_mps,
         rows: &end.rows,
+        mishaps: &[],
     };
     write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
     if args.json {

@@ -4,6 +4,7 @@
 //! standard error; with `--json`, standard output carries JSON and nothing else.
 
 mod compare;
+mod compare_runs;
 mod diagram;
 mod doctor;
 mod ending;
@@ -12,6 +13,7 @@ mod header;
 mod latency;
 mod operate;
 mod plan;
+mod plot;
 mod record;
 mod reproduce;
 pub(crate) mod run;
@@ -102,11 +104,18 @@ enum Verb {
         hilare fit curve.csv --tolerance 0.005 --tangent --json\nExit codes: 0 fitted, 2 wrong use, bad input or no such fit (the reason is given)."
     )]
     Fit(fit::FitArgs),
-    /// Run several control laws on the same scenarios and compare them
+    /// Draw the pictures of a run that is over, as SVG or PNG
+    #[command(after_help = "Examples:\n  hilare plot runs/rectangle-kanayama-real-1\n  \
+        hilare plot runs/mine --out mine.png --width 1000\n  \
+        hilare plot runs/mine --what path,heading --format png --out pictures\n\
+        Exit codes: 0 drawn, 1 fault, 2 wrong use, not a run, or nowhere to write.")]
+    Plot(plot::PlotArgs),
+    /// Compare runs that are over, or control laws on the same scenarios
     #[command(
-        after_help = "Examples:\n  hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
+        after_help = "Examples:\n  hilare compare runs/mine runs/yours\n  hilare compare runs/mine other.mcap --format png --out runs/beside\n  \
+        hilare compare\n  hilare compare rectangle so --laws kanayama,qp --out runs/laws\n  \
         hilare compare rectangle --laws kanayama,qp --seeds 20 --set estimator.kind=ekf --set plant.slip_mean=0.05\n\
-        Exit codes: 0 done (a law that did not arrive is shown), 1 a report could not be written, 2 wrong use or bad input."
+        Exit codes: 0 done (also if runs differ or a law did not arrive), 1 a report could not be written, 2 wrong use or bad input."
     )]
     Compare(compare::CompareArgs),
     /// Search for the parameters of a law: a front of the best compromises
@@ -207,6 +216,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Swap(args)) => operate::swap(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
+        Some(Verb::Plot(args)) => plot::plot(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Tune(args)) => tune::tune(&args),
         Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),

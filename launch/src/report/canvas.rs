@@ -55,7 +55,8 @@ pub const FAINT_ORANGE: RGBColor = RGBColor(246, 216, 160);
 /// What stands farther back.
 pub const PALE: RGBColor = RGBColor(205, 205, 205);
 
-const INK: RGBColor = RGBColor(40, 40, 40);
+/// Text.
+pub const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(232, 232, 232);
 
 /// A drawing area on a sheet.
@@ -181,7 +182,7 @@ pub fn axes<'a, 'b>(
     (y, y_name): (Range<f64>, &str),
 ) -> Drawn<Axes<'a, 'b>> {
     let (_, height) = area.dim_in_pixel();
-    let labels = (9, (height as i32 / px(55)).clamp(3, 12) as usize);
+    let labels = (9, (height as i32 / px(55)).clamp(5, 12) as usize);
     let (x_decimals, y_decimals) = (decimals(&x, labels.0), decimals(&y, labels.1));
     let (write_x, write_y) = (|x: &f64| number(*x, x_decimals), |y: &f64| number(*y, y_decimals));
     labelled_axes(area, (x, x_name), (y, y_name), labels, (&write_x, &write_y))

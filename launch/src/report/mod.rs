@@ -1,17 +1,24 @@
-//! The report of a run: what it came to ([`summary`]), beside what was published ([`verdict`]), and
-//! its curves ([`plots`]).
+//! The report of a run: what it came to ([`summary`]), beside what was published ([`verdict`]), its path and
+//! its curves ([`pictures`]).
 
 pub(crate) mod canvas;
+mod compose;
 mod labels;
+mod moments;
 pub(crate) mod shapes;
 pub(crate) mod thin;
+mod timeline;
 
 pub mod chart;
 pub mod correction;
 pub mod curves;
+pub mod differences;
 pub mod overlay;
+pub mod pictures;
 pub mod plan;
 pub mod plots;
+pub mod raster;
+pub mod source;
 pub mod summary;
 pub mod verdict;
 
@@ -19,15 +26,18 @@ pub mod verdict;
 mod tests;
 
 pub use correction::{Band, Correction};
-pub use plots::{PlotInput, write_plots};
+pub use pictures::write_plots;
+pub use plots::{Mishaps, PlotInput};
+pub use source::PastRun;
 pub use summary::{Counters, RecordingSummary, RunIdentity, Summary};
 pub use verdict::verdict_text;
 
+use hilare_planner::waypoint_file;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Writes `summary.json`, the plots and `trace.csv` into `dir`, which is made if need be; the figures
+/// Writes `summary.json`, the plots, `path.csv` and `trace.csv` into `dir`, which is made if need be; the figures
 /// first, which matter most when a disk is nearly full. Returns the files written. An error is one line that
 /// names the path and the system's reason.
 pub fn write_report(
@@ -38,9 +48,8 @@ pub fn write_report(
 ) -> io::Result<Vec<PathBuf>> {
     let mut written = vec![summary.write(dir)?];
     written.extend(write_plots(dir, plots)?);
-    let trace = dir.join("trace.csv");
-    write_whole(&trace, trace_csv.as_bytes())?;
-    written.push(trace);
+    written.push(write_file(dir, "path.csv", &waypoint_file::write(plots.waypoints))?);
+    written.push(write_file(dir, "trace.csv", trace_csv)?);
     Ok(written)
 }
 

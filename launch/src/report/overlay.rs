@@ -4,8 +4,9 @@ use super::canvas::{
     Axes, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, ORANGE, Sample, VERMILION, axes, line, px, sheet, top,
 };
 use super::plots::{Plane, course};
-use super::{make_dir, thin, write_whole};
-use hilare_interfaces::block::TICKS_PER_SECOND;
+use super::raster::{Format, save};
+use super::timeline::{Curve, HEIGHT, Timeline, points};
+use super::{make_dir, thin};
 use hilare_interfaces::messages::Waypoint;
 use hilare_recorder::trace::TraceRow;
 use plotters::prelude::*;
@@ -14,16 +15,17 @@ use std::path::{Path, PathBuf};
 
 /// Points a curve is thinned to.
 const POINTS: usize = 4000;
-/// Height of the cross-track plot, pixels.
-const HEIGHT: i32 = 420;
 /// Beyond this a run has left the picture, m.
 const FAR_M: f64 = 1e3;
 /// What a path is drawn wider than its own size by, so that small ones have air, m.
 const AIR_M: f64 = 0.01;
 
+/// Runs that can be told apart.
+pub const PEN_COUNT: usize = 7;
+
 /// Colours of the runs in turn, and a width so that equal ones are both seen. Okabe and Ito's, less
 /// yellow, which white paper hides.
-const PENS: [(RGBColor, i32); 7] = [
+const PENS: [(RGBColor, i32); PEN_COUNT] = [
     (VERMILION, 4),
     (BLUE, 2),
     (GREEN, 2),
@@ -42,21 +44,26 @@ pub struct Run<'a> {
     pub rows: &'a [TraceRow],
 }
 
-/// Writes `NAME-path.svg` and `NAME-cross_track.svg` into `dir`, which is made if need be, and returns
-/// their paths. An error is one line that names the path and the reason.
+/// Writes `NAME-path`, `NAME-cross_track` and `NAME-speed` into `dir`, which is made if need be, and returns their
+/// paths; `plans` are the paths that were to be driven, each once. An error is one line that names the path and the
+/// reason.
 pub fn write_overlay(
     dir: &Path,
-    name: &str,
-    waypoints: &[Waypoint],
+    (name, title): (&str, &str),
+    plans: &[&[Waypoint]],
     runs: &[Run<'_>],
+    (format, width_px): (Format, Option<u32>),
 ) -> io::Result<Vec<PathBuf>> {
     make_dir(dir)?;
-    let pictures =
-        [("path", path_svg(name, waypoints, runs)?), ("cross_track", cross_track_svg(name, runs)?)];
+    let pictures = [
+        ("path", path_svg(title, plans, runs)?),
+        ("cross_track", cross_track_svg(title, runs)?),
+        ("speed", speed_svg(title, runs)?),
+    ];
     let mut written = Vec::new();
     for (what, svg) in pictures {
-        let path = dir.join(format!("{name}-{what}.svg"));
-        write_whole(&path, svg.as_bytes())?;
+        let path = dir.join(format!("{name}-{what}.{}", format.name()));
+        save(&path, &svg, format, width_px)?;
         written.push(path);
     }
     Ok(written)
@@ -66,14 +73,15 @@ fn pens<'a, 'r>(runs: &'a [Run<'r>]) -> impl Iterator<Item = (&'a Run<'r>, (RGBC
     runs.iter().zip(PENS.into_iter().cycle())
 }
 
-fn path_svg(name: &str, waypoints: &[Waypoint], runs: &[Run<'_>]) -> io::Result<String> {
+fn path_svg(name: &str, plans: &[&[Waypoint]], runs: &[Run<'_>]) -> io::Result<String> {
     let seen = |(x, y): &(f64, f64)| x.abs() < FAR_M && y.abs() < FAR_M;
-    let planned: Vec<(f64, f64)> = course(waypoints).map(|p| (p.x_m, p.y_m)).filter(seen).collect();
+    let planned: Vec<Vec<(f64, f64)>> =
+        plans.iter().map(|plan| course(plan).map(|p| (p.x_m, p.y_m)).filter(seen).collect()).collect();
     let trails: Vec<Vec<(f64, f64)>> = runs
         .iter()
         .map(|run| run.rows.iter().map(|row| (row.truth.x_m, row.truth.y_m)).filter(seen).collect())
         .collect();
-    let plane = Plane::around(planned.iter().chain(trails.iter().flatten()).copied(), AIR_M);
+    let plane = Plane::around(planned.iter().chain(&trails).flatten().copied(), AIR_M);
     let mut legend = vec![Key::new(Sample::Line(DARK, 1), "planned path")];
     legend.extend(pens(runs).map(|(run, (color, width))| Key::new(Sample::Line(color, width), run.name)));
     let height = top(&legend) + plane.height + BOTTOM;
@@ -82,30 +90,35 @@ fn path_svg(name: &str, waypoints: &[Waypoint], runs: &[Run<'_>]) -> io::Result<
         for (trail, (color, width)) in trails.iter().zip(PENS.into_iter().cycle()) {
             curve(&mut chart, trail, color, width)?;
         }
-        curve(&mut chart, &planned, DARK, 1)
+        planned.iter().try_for_each(|plan| curve(&mut chart, plan, DARK, 1))
     })
 }
 
 fn cross_track_svg(name: &str, runs: &[Run<'_>]) -> io::Result<String> {
-    let off = |row: &TraceRow| (row.tick as f64 / TICKS_PER_SECOND as f64, row.cross_track_m * 1e3);
-    let curves: Vec<Vec<(f64, f64)>> = runs
-        .iter()
-        .map(|run| run.rows.iter().map(off).filter(|(_, y)| y.abs() < FAR_M * 1e3).collect())
-        .collect();
-    let all = || curves.iter().flatten();
-    let (low, high) = all().fold((0.0f64, 0.0f64), |(low, high), (_, y)| (low.min(*y), high.max(*y)));
-    let air = 0.08 * (high - low).max(1e-3);
-    let end = all().fold(0.1, |end: f64, (t, _)| end.max(*t));
-    let legend: Vec<Key> =
-        pens(runs).map(|(run, (color, width))| Key::new(Sample::Line(color, width), run.name)).collect();
-    sheet(HEIGHT, &format!("Cross-track error of the truth: {name}"), &legend, |area| {
-        let y = (low - air..high + air, "left (+), right (-) of the path (mm)");
-        let mut chart = axes(area, (0.0..end, "time (s)"), y)?;
-        for (points, (color, width)) in curves.iter().zip(PENS.into_iter().cycle()) {
-            curve(&mut chart, points, color, width)?;
-        }
-        Ok(())
-    })
+    let title = format!("Cross-track error of the truth: {name}");
+    let y = ("left (+), right (-) of the path", "mm");
+    timeline(&title, y, runs, |row| row.cross_track_m * 1e3)
+}
+
+fn speed_svg(name: &str, runs: &[Run<'_>]) -> io::Result<String> {
+    let title = format!("Commanded speed: {name}");
+    timeline(&title, ("linear speed", "mm/s"), runs, |row| row.speed_mps * 1e3)
+}
+
+fn timeline(
+    title: &str,
+    y: (&str, &str),
+    runs: &[Run<'_>],
+    value: impl Fn(&TraceRow) -> f64,
+) -> io::Result<String> {
+    let curve = |(run, (color, width)): (&Run<'_>, (RGBColor, i32))| Curve {
+        name: run.name.to_owned(),
+        color,
+        width,
+        points: points(run.rows, &value),
+    };
+    let curves = pens(runs).map(curve).collect();
+    Timeline { title, y, height: HEIGHT, curves, levels: Vec::new(), changes: Vec::new() }.svg()
 }
 
 fn curve(chart: &mut Axes<'_, '_>, points: &[(f64, f64)], color: RGBColor, width: i32) -> Drawn {

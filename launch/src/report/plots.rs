@@ -1,12 +1,10 @@
-//! The pictures of a run, after paper 1, figures 7, 8 and 10 to 12: where it went, how fast, how far
-//! off the line.
+//! Where a run went, after paper 1, figures 7 and 10 to 12.
 
 use super::canvas::{
-    Area, Axes, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, LEFT, LIGHT, ORANGE, PALE, RIGHT, STONE, Sample,
-    VERMILION, WIDTH, axes, line, px, sheet, text_style, text_width, top,
+    Area, BLUE, BOTTOM, DARK, Drawn, GREEN, Key, LEFT, LIGHT, ORANGE, RIGHT, STONE, Sample, VERMILION, WIDTH,
+    axes, line, px, sheet, text_style, top,
 };
-use super::{labels, make_dir, shapes, thin, write_whole};
-use hilare_interfaces::block::TICKS_PER_SECOND;
+use super::{labels, shapes, thin};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
@@ -16,7 +14,6 @@ use plotters::style::text_anchor::{HPos, VPos};
 use std::f64::consts::FRAC_PI_2;
 use std::io;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -33,39 +30,38 @@ pub struct PlotInput<'a> {
     pub rows: &'a [TraceRow],
     /// The map driven on.
     pub map: Option<&'a Map>,
+    /// What went amiss, where every tick was recorded; else empty.
+    pub mishaps: &'a [Mishaps],
+}
+
+impl PlotInput<'_> {
+    /// `Speed: what ran`.
+    pub(super) fn headed(&self, what: &str) -> String {
+        if self.title.is_empty() { what.to_owned() } else { format!("{what}: {}", self.title) }
+    }
+}
+
+/// What had gone amiss by a tick, counted from the start of the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mishaps {
+    /// Ticks executed.
+    pub tick: u64,
+    /// Wake-ups a tick or more late.
+    pub ticks_late: u64,
+    /// Whole ticks lost to such pauses.
+    pub paused_ticks: u64,
+    /// Commands that came after their effective tick.
+    pub commands_late: u64,
+    /// Control cycles that had no command of their own.
+    pub cycles_without_command: u64,
 }
 
 /// Points a curve is drawn with at most.
 const POINTS: usize = 4000;
 /// Waypoints up to which each has a dot and its circle.
 const DOTS: usize = 500;
-/// Waypoint changes up to which each has its vertical line.
-const CHANGES: usize = 100;
-/// Height of the plots over time, pixels.
-const HEIGHT: i32 = 440;
 /// Coordinates beyond this (m) are no robot's; a runaway must not blow up the axes.
 const FAR_M: f64 = 1e7;
-
-/// Writes `path.svg`, `speed.svg` and `cross_track.svg` into `dir`, which is made if need be, and
-/// returns their paths. Values that are not finite are left out. An error is one line that names
-/// the path and the reason.
-pub fn write_plots(dir: &Path, input: &PlotInput<'_>) -> io::Result<Vec<PathBuf>> {
-    make_dir(dir)?;
-    let plots = [
-        ("path.svg", path_svg(input)?),
-        ("speed.svg", speed_svg(input)?),
-        ("cross_track.svg", cross_track_svg(input)?),
-    ];
-    let mut written = Vec::with_capacity(plots.len());
-    for (name, svg) in plots {
-        let path = dir.join(name);
-        write_whole(&path, svg.as_bytes())?;
-        written.push(path);
-    }
-    Ok(written)
-}
-
-// --- where it went ---------------------------------------------------------------------------------
 
 /// The plane of the path plot, in `unit`s, the same number of pixels to a unit both ways.
 pub(super) struct Plane {
@@ -204,11 +200,12 @@ impl Trails {
     }
 }
 
-fn path_svg(input: &PlotInput<'_>) -> io::Result<String> {
+/// Path, estimate and truth in the plane.
+pub(super) fn path_svg(input: &PlotInput<'_>) -> io::Result<String> {
     let trails = Trails::of(input);
     let plane = trails.plane();
     let legend = trails.legend();
-    let title = format!("Path: {}", input.title);
+    let title = input.headed("Path");
     let height = top(&legend) + plane.height + BOTTOM;
     sheet(height, &title, &legend, |area| draw_path(area, &trails, &plane))
 }
@@ -247,115 +244,5 @@ fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
     chart.draw_series(
         numbers.into_iter().map(|label| Text::new(label.text, plane.point(label.at), style.clone())),
     )?;
-    Ok(())
-}
-
-// --- how fast, how far off -------------------------------------------------------------------------
-
-/// Seconds of a row, and a value of it, where it is finite.
-fn curve(input: &PlotInput<'_>, value: impl Fn(&TraceRow) -> f64) -> Vec<(f64, f64)> {
-    let points = input.rows.iter().map(|row| (seconds(row.tick), value(row)));
-    points.filter(|(_, y)| y.abs() < FAR_M * 1e3).collect()
-}
-
-fn seconds(tick: u64) -> f64 {
-    tick as f64 / TICKS_PER_SECOND as f64
-}
-
-/// From nothing (or the first row, of a run that was joined late) to the last.
-fn time_range(points: &[(f64, f64)]) -> Range<f64> {
-    let (first, last) = (points.first().map_or(0.0, |p| p.0), points.last().map_or(0.0, |p| p.0));
-    let from = if first < last / 10.0 || first == last { 0.0 } else { first };
-    from..last.max(from + 0.1)
-}
-
-/// Holds 0 and all values with some air.
-fn value_range(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (low, high) = values.fold((0.0f64, 0.0f64), |(low, high), y| (low.min(y), high.max(y)));
-    let air = 0.08 * (high - low);
-    let high = if high - low < 1e-9 { low + 1.0 } else { high + air };
-    (if low < 0.0 { low - air } else { 0.0 })..high
-}
-
-fn draw_curve(chart: &mut Axes<'_, '_>, points: &[(f64, f64)]) -> Drawn {
-    // A line of one point would not be seen.
-    if let [only] = points {
-        chart.draw_series([Circle::new(*only, px(3), BLUE.filled())])?;
-    }
-    chart.draw_series(LineSeries::new(thin::thin(points, POINTS), line(BLUE, 2)))?;
-    Ok(())
-}
-
-fn flat(chart: &mut Axes<'_, '_>, time: &Range<f64>, y: f64) -> Drawn {
-    chart.draw_series(LineSeries::new([(time.start, y), (time.end, y)], line(VERMILION, 2)))?;
-    Ok(())
-}
-
-fn speed_svg(input: &PlotInput<'_>) -> io::Result<String> {
-    let points = curve(input, |row| row.speed_mps * 1e3);
-    let reference = input.reference_speed_mps * 1e3;
-    let reference = (reference.abs() < FAR_M).then_some(reference);
-    let mut legend = vec![Key::new(Sample::Line(BLUE, 2), "commanded, after the constraints")];
-    if let Some(v_r) = reference {
-        legend.push(Key::new(Sample::Line(VERMILION, 2), format!("reference v_r {v_r:.1} mm/s")));
-    }
-    let time = time_range(&points);
-    let range = value_range(points.iter().map(|p| p.1).chain(reference));
-    sheet(HEIGHT, &format!("Speed: {}", input.title), &legend, |area| {
-        let mut chart = axes(area, (time.clone(), "time (s)"), (range, "linear speed (mm/s)"))?;
-        if let Some(v_r) = reference {
-            flat(&mut chart, &time, v_r)?;
-        }
-        draw_curve(&mut chart, &points)?;
-        Ok(())
-    })
-}
-
-fn cross_track_svg(input: &PlotInput<'_>) -> io::Result<String> {
-    let points = curve(input, |row| (row.cross_track_m * 1e3).abs());
-    let mean = (!points.is_empty()).then(|| points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64);
-    let changes: Vec<(f64, u64)> = input
-        .rows
-        .windows(2)
-        .filter(|pair| pair[0].waypoint != pair[1].waypoint)
-        .map(|pair| (seconds(pair[1].tick), pair[1].waypoint))
-        .take(CHANGES + 1)
-        .collect();
-    // A fence hides what is behind it.
-    let changes = if changes.len() > CHANGES { Vec::new() } else { changes };
-    let mut legend = vec![Key::new(Sample::Line(BLUE, 2), "|cross-track| of the truth")];
-    if let Some(mean) = mean {
-        legend.push(Key::new(Sample::Line(VERMILION, 2), format!("mean {mean:.1} mm")));
-    }
-    if !changes.is_empty() {
-        legend.push(Key::new(Sample::Line(PALE, 1), "heads for the next waypoint"));
-    }
-    let time = time_range(&points);
-    let range = value_range(points.iter().map(|p| p.1));
-    sheet(HEIGHT, &format!("Cross-track: {}", input.title), &legend, |area| {
-        let top = range.end;
-        let mut chart = axes(area, (time.clone(), "time (s)"), (range, "cross-track error (mm)"))?;
-        draw_changes(&mut chart, &changes, &time, top)?;
-        draw_curve(&mut chart, &points)?;
-        mean.map_or(Ok(()), |mean| flat(&mut chart, &time, mean))
-    })
-}
-
-/// A vertical line at each change of waypoint, numbered where there is room.
-fn draw_changes(chart: &mut Axes<'_, '_>, changes: &[(f64, u64)], time: &Range<f64>, top: f64) -> Drawn {
-    let per_second = f64::from(WIDTH - LEFT - RIGHT) / (time.end - time.start);
-    let style = text_style(11, DARK, HPos::Left, VPos::Top);
-    let mut free_from_s = f64::NEG_INFINITY;
-    for (at_s, waypoint) in changes {
-        let post = [(*at_s, 0.0), (*at_s, top)];
-        chart.draw_series([PathElement::new(post, line(PALE, 1))])?;
-        let text = waypoint.to_string();
-        let wide_s = f64::from(text_width(&text, 11) + 8) / per_second;
-        if *at_s >= free_from_s && at_s + wide_s < time.end {
-            let at = (at_s + 3.0 / per_second, top);
-            chart.draw_series([Text::new(text, at, style.clone())])?;
-            free_from_s = at_s + wide_s;
-        }
-    }
     Ok(())
 }

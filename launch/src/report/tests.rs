@@ -83,8 +83,8 @@ fn the_report_is_written_whole() {
     let written = write_report(&dir, &summary(), &input, "tick\n5\n").unwrap();
     let mut names: Vec<_> = fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
-    assert_eq!(names, ["cross_track.svg", "path.svg", "speed.svg", "summary.json", "trace.csv"]);
-    assert_eq!(written.len(), 5);
+    assert_eq!(names, ["cross_track.svg", "path.csv", "path.svg", "speed.svg", "summary.json", "trace.csv"]);
+    assert_eq!(written.len(), 6);
     assert_eq!(fs::read_to_string(dir.join("summary.json")).unwrap(), summary().to_json());
     assert_eq!(fs::read_to_string(dir.join("trace.csv")).unwrap(), "tick\n5\n");
 }
@@ -178,6 +178,7 @@ fn input() -> PlotInput<'static> {
         reference_speed_mps: 0.04,
         rows: &[],
         map: None,
+        mishaps: &[],
     }
 }
 
@@ -196,7 +197,7 @@ fn row(tick: u64, x_m: f64, y_m: f64) -> TraceRow {
     }
 }
 
-/// Draws into a directory of its own and returns path, speed and cross-track.
+/// Draws into a directory of its own and returns path, cross-track and speed.
 fn drawn(name: &str, input: &PlotInput<'_>) -> [String; 3] {
     let scratch = tempfile::tempdir().unwrap();
     let written = write_plots(scratch.path(), input).unwrap();
@@ -253,7 +254,7 @@ const DARK: &str = "#464646";
 #[test]
 fn every_series_is_drawn_once() {
     let rows: Vec<TraceRow> = (0..2000).map(|n| row(n * 5, 0.2 + n as f64 * 2e-4, 0.2)).collect();
-    let [path, speed, cross_track] = drawn("series", &PlotInput { rows: &rows, ..input() });
+    let [path, cross_track, speed] = drawn("series", &PlotInput { rows: &rows, ..input() });
     assert_eq!([BLUE, ORANGE, DARK].map(|color| curves(&path, color)), [1, 1, 1]);
     assert_eq!(curves(&speed, BLUE), 1);
     assert_eq!(curves(&cross_track, BLUE), 1);
@@ -283,6 +284,7 @@ fn degenerate_runs_are_drawn() {
                     reference_speed_mps: speed,
                     rows,
                     map: None,
+                    mishaps: &[],
                 };
                 drawn("degenerate", &input);
             }

@@ -218,7 +218,7 @@ impl InProcess {
         statistics.figures()
     }
 
-    fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
+    pub(crate) fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
         while self.tick < max_ticks && self.tick() {
             push(self.record());
         }

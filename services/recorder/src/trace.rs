@@ -7,6 +7,10 @@ use hilare_interfaces::messages::{Reference, ReferenceState};
 /// Rows kept at most; beyond, every second one is dropped and the stride doubles.
 pub const MAX_ROWS: usize = 120_000;
 
+/// First line of the trace as CSV.
+const HEADER: &str = "tick,pose_x_m,pose_y_m,pose_theta_rad,truth_x_m,truth_y_m,truth_theta_rad,\
+                      speed_mps,omega_radps,cross_track_m,heading_error_rad,waypoint";
+
 /// One row of the trace, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceRow {
@@ -96,10 +100,8 @@ impl Trace {
     /// The trace as CSV, units in the header, numbers that read back to the same bits.
     pub fn to_csv(&self) -> String {
         let mut csv = String::with_capacity(self.rows.len() * 150);
-        csv.push_str(
-            "tick,pose_x_m,pose_y_m,pose_theta_rad,truth_x_m,truth_y_m,truth_theta_rad,\
-             speed_mps,omega_radps,cross_track_m,heading_error_rad,waypoint\n",
-        );
+        csv.push_str(HEADER);
+        csv.push('\n');
         for row in &self.rows {
             let (p, t) = (row.pose, row.truth);
             csv.push_str(&format!(
@@ -122,13 +124,23 @@ impl Trace {
     }
 }
 
-/// Reads the rows of [`Trace::to_csv`] back.
+/// Reads the rows of [`Trace::to_csv`] back; an error begins with the line it is about.
 pub fn parse_csv(csv: &str) -> Result<Vec<TraceRow>, String> {
-    csv.lines()
-        .skip(1)
-        .enumerate()
-        .map(|(i, line)| parse_row(line).ok_or(format!("trace.csv:{}: not a row", i + 2)))
-        .collect()
+    let mut lines = csv.lines();
+    if lines.next() != Some(HEADER) {
+        return Err("trace.csv:1: not the header of a trace (tick,pose_x_m,…,waypoint)".to_owned());
+    }
+    let mut rows: Vec<TraceRow> = Vec::new();
+    for (number, line) in (2..).zip(lines) {
+        let row = parse_row(line).ok_or_else(|| {
+            format!("trace.csv:{number}: not a row of {} numbers", HEADER.split(',').count())
+        })?;
+        if let Some(last) = rows.last().filter(|last| last.tick >= row.tick) {
+            return Err(format!("trace.csv:{number}: tick {} does not come after {}", row.tick, last.tick));
+        }
+        rows.push(row);
+    }
+    Ok(rows)
 }
 
 fn parse_row(line: &str) -> Option<TraceRow> {
@@ -170,6 +182,12 @@ mod tests {
         let gaps: Vec<u64> = trace.rows().windows(2).map(|pair| pair[1].tick - pair[0].tick).collect();
         assert!(gaps.iter().all(|gap| *gap == gaps[0]));
         assert_eq!(parse_csv(&trace.to_csv()).unwrap(), trace.rows());
-        assert!(parse_csv("tick\n1,2").unwrap_err().starts_with("trace.csv:2"));
+        assert!(parse_csv("tick\n1,2").unwrap_err().starts_with("trace.csv:1: "));
+        let row = "5,0,0,0,0,0,0,0,0,0,0,1";
+        assert_eq!(parse_csv(&format!("{HEADER}\n{row}\n")).unwrap().len(), 1);
+        for (second, wrong) in [("1,2", "not a row of 12 numbers"), (row, "tick 5 does not come after 5")] {
+            let error = parse_csv(&format!("{HEADER}\n{row}\n{second}\n")).unwrap_err();
+            assert_eq!(error, format!("trace.csv:3: {wrong}"));
+        }
     }
 }

@@ -1,0 +1,189 @@
+//! A recording: every tick of a robot, also of one that was recorded while it was up.
+
+use super::PastRun;
+use crate::config::System;
+use crate::recording::{Entry, Recording};
+use crate::report::{Counters, Mishaps, RunIdentity, Summary};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::latency::Quantiles;
+use hilare_interfaces::messages::{ReferenceState, Waypoint};
+use hilare_recorder::assembler::Assembler;
+use hilare_recorder::{RunRecord, TickRecord};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Poses kept at most, 128 MB: an hour and more. Of what is longer, the rest is not compared bit for bit.
+const MAX_POSES: usize = 4_000_000;
+/// Changes of the counters kept at most.
+const MAX_MISHAPS: usize = 100_000;
+
+/// What the ticks of a recording come to.
+pub(super) struct Ticks {
+    /// Figures and curves, from the first tick on a path to the arrival.
+    record: RunRecord,
+    /// Ticks and estimated poses of the same.
+    pub poses: Vec<(u64, WorldPose)>,
+    /// Counters wherever they changed, and at both ends.
+    pub mishaps: Vec<Mishaps>,
+    /// Path under way at the end, and how many there were.
+    path: Option<u64>,
+    paths: usize,
+    /// Ticks after the arrival.
+    after: u64,
+    /// Every path, by its number.
+    plans: BTreeMap<u64, Vec<Waypoint>>,
+    /// Ticks that are missing between the first and the last.
+    gaps: u64,
+}
+
+impl Ticks {
+    fn new(period_ticks: u64) -> Self {
+        Self {
+            record: RunRecord::new(period_ticks),
+            poses: Vec::new(),
+            mishaps: Vec::new(),
+            path: None,
+            paths: 0,
+            after: 0,
+            plans: BTreeMap::new(),
+            gaps: 0,
+        }
+    }
+
+    fn push(&mut self, tick: TickRecord<'_>) {
+        // A robot that was joined while it waited for a path, or stood at the end of one.
+        if self.path.is_none() && tick.reference.state != ReferenceState::Tracking.code() {
+            return;
+        }
+        self.record.push(tick);
+        if self.record.statistics.arrived() {
+            self.after += 1;
+            return;
+        }
+        if self.path != Some(tick.reference.path_id) {
+            self.path = Some(tick.reference.path_id);
+            self.paths += 1;
+        }
+        if self.poses.len() < MAX_POSES {
+            self.poses.push((tick.steps.tick, tick.pose.pose()));
+        }
+        self.count(tick);
+    }
+
+    fn count(&mut self, TickRecord { steps, .. }: TickRecord<'_>) {
+        let now = Mishaps {
+            tick: steps.tick,
+            ticks_late: steps.ticks_late,
+            paused_ticks: steps.paused_ticks,
+            commands_late: steps.commands_late,
+            cycles_without_command: steps.cycles_without_command,
+        };
+        let same = |before: &Mishaps| Mishaps { tick: now.tick, ..*before } == now;
+        match &mut self.mishaps[..] {
+            // The last one stands for the end so far.
+            [.., before, last] if same(before) && same(last) => *last = now,
+            all if all.len() < MAX_MISHAPS => self.mishaps.push(now),
+            _ => {}
+        }
+    }
+}
+
+/// Everything a recording has of each tick.
+pub(super) fn ticks(recording: &Recording) -> Result<Ticks, String> {
+    let period_ticks = recording.info().period_ticks;
+    let mut assembler = Assembler::new(period_ticks);
+    let mut ticks = Ticks::new(period_ticks);
+    // What was before the recording is no gap in it.
+    let mut before = None;
+    // Where the newest reference says so.
+    let mut arrived_on = None;
+    for timed in recording.entries() {
+        match timed.map_err(|error| error.to_string())?.entry {
+            Entry::Steps(steps) => assembler.push_steps(steps),
+            Entry::Pose(pose) => assembler.push_pose(pose),
+            Entry::Truth(truth) => assembler.push_truth(truth),
+            Entry::Reference(reference) => {
+                arrived_on = (reference.state == ReferenceState::Arrived.code()).then_some(reference.path_id);
+                assembler.push_reference(reference);
+            }
+            Entry::Path(header, waypoints) => {
+                ticks.plans.insert(header.path_id, waypoints);
+            }
+            _ => continue,
+        }
+        let gaps = assembler.gaps();
+        assembler.drain(|tick| {
+            before.get_or_insert(gaps.max(tick.steps.tick - 1));
+            ticks.push(tick);
+        });
+    }
+    assembler.finish(|tick| {
+        before.get_or_insert(tick.steps.tick - 1);
+        ticks.push(tick);
+    });
+    // Of a run that ended with its arrival there is no tick after it.
+    if ticks.path.is_some() && arrived_on == ticks.path {
+        ticks.record.statistics.note_arrival();
+    }
+    ticks.gaps = assembler.gaps().saturating_sub(before.unwrap_or(0));
+    Ok(ticks)
+}
+
+pub(super) fn open(file: &Path) -> Result<PastRun, String> {
+    let recording = Recording::open(file).map_err(|error| error.to_string())?;
+    let place = file.display();
+    let mut ticks = ticks(&recording)?;
+    let rows = ticks.record.trace.rows().to_vec();
+    if rows.is_empty() {
+        return Err(format!(
+            "{place}: no tick on a path in it; steps, pose, truth and reference of a robot under way are needed"
+        ));
+    }
+    let mut lacking = Vec::new();
+    let mut lacks = |condition: bool, what: String| {
+        if condition {
+            lacking.push(format!("{place}: {what}"));
+        }
+    };
+    lacks(ticks.gaps > 0, format!("{} ticks are missing in it", ticks.gaps));
+    lacks(
+        recording.truncated().is_some(),
+        "it has no end; what came after its last whole chunk is lost".to_owned(),
+    );
+    lacks(ticks.paths > 1, format!("{} paths were driven; the last one is drawn", ticks.paths));
+    lacks(ticks.after > 1, format!("{} ticks after the arrival are left away", ticks.after));
+    let waypoints = ticks.path.and_then(|path| ticks.plans.remove(&path)).unwrap_or_default();
+    lacks(waypoints.is_empty(), "its path is not in it and not drawn".to_owned());
+    let system_text = recording.system().unwrap_or_default().to_owned();
+    let system = recording.system().and_then(|text| System::parse("system.toml", text).ok());
+    lacks(
+        system.is_none(),
+        "no system file in it; reference speed, acceptance radius and map are not drawn".to_owned(),
+    );
+    let map = system.as_ref().and_then(|system| {
+        system.load_map().unwrap_or_else(|error| {
+            lacks(true, format!("{error}; the obstacles are not drawn"));
+            None
+        })
+    });
+    let info = recording.info();
+    let scenario = if info.scenario.is_empty() { &info.robot } else { &info.scenario };
+    let identity = RunIdentity { scenario, controller: &info.controller, clock: &info.clock };
+    let wheels = system.as_ref().map_or(0, |system| system.chassis.wheels());
+    let figures = ticks.record.statistics.figures();
+    Ok(PastRun {
+        place: file.to_owned(),
+        summary: Summary::new(identity, &figures, wheels, Counters::default(), Quantiles::default()),
+        is_recording: true,
+        waypoints,
+        acceptance_radius_m: system.as_ref().map_or(0.0, |system| system.tracking.acceptance_radius_m),
+        // Not a number is not drawn.
+        reference_speed_mps: system.as_ref().map_or(f64::NAN, |system| system.tracking.speed_mps),
+        map,
+        rows,
+        poses: ticks.poses,
+        mishaps: ticks.mishaps,
+        system: system_text,
+        lacking,
+    })
+}
