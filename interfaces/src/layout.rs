@@ -100,6 +100,21 @@ pub unsafe trait WireMessage: WireField {
         };
         self.as_bytes().chunks(8).fold(FNV_BASIS, mix)
     }
+
+    /// Messages one after the other as they lie in memory.
+    fn all_bytes(all: &[Self]) -> &[u8] {
+        // SAFETY: as above; a slice has no padding between its elements.
+        unsafe { core::slice::from_raw_parts(all.as_ptr().cast(), size_of_val(all)) }
+    }
+
+    /// The message of which these are the bytes; `None` if there are not as many as it has.
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() != size_of::<Self>() {
+            return None;
+        }
+        // SAFETY: as many bytes as it has, and every bit pattern is a value of it.
+        Some(unsafe { bytes.as_ptr().cast::<Self>().read_unaligned() })
+    }
 }
 
 /// Where FNV-1a begins.

@@ -4,6 +4,7 @@
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
 //! * [`latency`]: how punctual it all is.
+//! * [`recording`]: what went over the wires, kept in files and read back.
 //! * [`report`]: what a run came to.
 //! * [`topic`]: what the wires carry, for people.
 //! * [`reproduce`]: what the papers print, beside what comes out here.
@@ -18,6 +19,7 @@ pub mod latency;
 pub mod logging;
 pub mod manager;
 mod private;
+pub mod recording;
 pub mod report;
 pub mod reproduce;
 pub mod shell;

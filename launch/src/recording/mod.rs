@@ -1,0 +1,60 @@
+//! What went over the wires, kept in files: MCAP, as Foxglove, Lichtblick and Python read it.
+//!
+//! ```text
+//! recorder's loop ──hear──▶ Tape ══queue, bounded in bytes══▶ writer's thread ──▶ run.mcap, run-0001.mcap, …
+//!                             └─ audit: what is missing, by ticks and sequence numbers
+//! ```
+//!
+//! * [`wires`]: what is recorded, the one table; a channel `/hilare/<wire>` each, every message, bit for bit.
+//! * [`schemas`], [`cdr`]: how our messages are told and laid out (`ros2msg`, CDR).
+//! * [`ros`]: standard ROS 2 messages made of them, once a control period: `/odom`, `/tf`, `/path`, …
+//! * [`tape`]: the end that never waits for the disk; [`part`]: one file; [`audit`]: what is missing.
+//! * [`reader`]: a recording read back, message by message.
+//!
+//! Time in a recording (`log_time`, `publish_time`, stamps) is the clock on the wall when its first tick was heard, and
+//! a millisecond a tick from there on; what comes without a tick has the time of the newest tick heard. So it is free
+//! of the machine's jitter, the same in every clock, and a pause of the robot takes no time.
+
+pub mod audit;
+pub mod cdr;
+pub mod info;
+pub mod part;
+pub mod reader;
+pub mod schemas;
+pub mod tape;
+pub mod wires;
+mod writer;
+
+pub use audit::{Report, WireReport};
+pub use info::RunInfo;
+pub use reader::{Recording, Timed};
+pub use tape::{Settings, Tape};
+pub use wires::{Entry, Heard};
+
+use std::fmt;
+use std::path::Path;
+
+/// Name of a run's recording in its directory; further parts are `run-0001.mcap`, …
+pub const RECORDING_FILE: &str = "run.mcap";
+/// The system file within a recording.
+pub const SYSTEM_ATTACHMENT: &str = "system.toml";
+/// The metadata record that says what was recorded.
+const METADATA: &str = "hilare";
+
+/// Why a recording cannot be read or written: one line with the file, the cause, what to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordingError(String);
+
+impl RecordingError {
+    fn new(file: &Path, what: impl fmt::Display) -> Self {
+        Self(format!("{}: {what}", file.display()))
+    }
+}
+
+impl fmt::Display for RecordingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for RecordingError {}

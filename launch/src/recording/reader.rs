@@ -1,0 +1,414 @@
+//! A recording read back, message by message, bit for bit what was on the wires.
+//!
+//! Streamed: a chunk at a time is in memory, however long the file. A file without its end (`kill -9`, a disk that was
+//! taken away) is read up to its last whole chunk. Every chunk is checked before a message of it is given out.
+
+use super::info::{RunInfo, first_of, parts_there};
+use super::wires::{Entry, RECORDED, place_of};
+use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
+use mcap::McapError;
+use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Longest record, longest chunk (compressed or not): what is longer is no recording of ours, and not read into memory.
+const MAX_RECORD: usize = 256 << 20;
+/// Read at once.
+const READ_BYTES: usize = 256 << 10;
+const READ_AT_MOST: usize = 4 << 20;
+const END_MAGIC_LEN: i64 = mcap::MAGIC.len() as i64;
+
+/// A recording: all its parts in order.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    parts: Vec<PathBuf>,
+    info: RunInfo,
+    system: Option<String>,
+    unfinished: Option<PathBuf>,
+}
+
+/// A message and when it was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timed {
+    /// Time in the recording, ns since 1970 (see [`super`]).
+    pub log_time_ns: u64,
+    /// Counts up by one a message of its wire; a gap is a message that was given up.
+    pub sequence: u32,
+    /// The message.
+    pub entry: Entry,
+}
+
+impl Recording {
+    /// Opens a run's directory or a file of a recording: the parts beside it belong to it, those before a part that is
+    /// named do not.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let named = if path.is_dir() { path.join(RECORDING_FILE) } else { path.to_owned() };
+        let (first, from) = first_of(&named);
+        let mut parts: Vec<PathBuf> =
+            parts_there(&first).into_iter().filter(|(part, _)| *part >= from).map(|(_, file)| file).collect();
+        if path.is_dir() && parts.is_empty() {
+            return Err(RecordingError::new(
+                path,
+                format!("no recording in it ({RECORDING_FILE}); hilare run and hilare record make one"),
+            ));
+        }
+        if !path.is_dir() && !parts.contains(&named) {
+            // Whatever it is called.
+            parts = vec![named];
+        }
+        let survey = Survey::of(&parts[0])?;
+        let mut unfinished = (!survey.finished).then(|| parts[0].clone());
+        let mut belonging = 1;
+        for part in &parts[1..] {
+            let next = Survey::of(part)?;
+            if next.info.recording != survey.info.recording {
+                break;
+            }
+            unfinished = unfinished.or((!next.finished).then(|| part.clone()));
+            belonging += 1;
+        }
+        parts.truncate(belonging);
+        Ok(Self { parts, info: survey.info, system: survey.system, unfinished })
+    }
+
+    /// Its files, in order.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.parts
+    }
+
+    /// What was recorded.
+    pub fn info(&self) -> &RunInfo {
+        &self.info
+    }
+
+    /// The resolved system file of the robot, if the recording has it.
+    pub fn system(&self) -> Option<&str> {
+        self.system.as_deref()
+    }
+
+    /// The first file that has no end: what came after its last whole chunk is lost.
+    pub fn truncated(&self) -> Option<&Path> {
+        self.unfinished.as_deref()
+    }
+
+    /// Every message, in the order of the files: by time within a look at the wires, so nearly by time. After an error
+    /// nothing more comes.
+    pub fn entries(&self) -> Entries {
+        Entries { parts: self.parts.clone().into_iter(), part: None, over: false }
+    }
+}
+
+/// The messages of a recording.
+pub struct Entries {
+    parts: std::vec::IntoIter<PathBuf>,
+    part: Option<PartReader>,
+    over: bool,
+}
+
+impl Iterator for Entries {
+    type Item = Result<Timed, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.over {
+            let next = match &mut self.part {
+                Some(part) => part.next_message(),
+                None => match self.parts.next() {
+                    Some(file) => {
+                        match PartReader::open(&file) {
+                            Ok(part) => self.part = Some(part),
+                            Err(error) => return self.end_with(error),
+                        }
+                        continue;
+                    }
+                    None => break,
+                },
+            };
+            match next {
+                Ok(Some(timed)) => return Some(Ok(timed)),
+                Ok(None) => self.part = None,
+                Err(error) => return self.end_with(error),
+            }
+        }
+        self.over = true;
+        None
+    }
+}
+
+impl Entries {
+    fn end_with(&mut self, error: RecordingError) -> Option<Result<Timed, RecordingError>> {
+        self.over = true;
+        Some(Err(error))
+    }
+}
+
+/// Records of a file, one after the other.
+struct Records {
+    path: Arc<Path>,
+    file: File,
+    reader: LinearReader,
+    /// It ends as a file should.
+    finished: bool,
+    started: bool,
+}
+
+impl Records {
+    fn open(path: &Path, whole_chunks: bool) -> Result<Self, RecordingError> {
+        let failed = |error: io::Error| RecordingError::new(path, error);
+        let mut file = File::open(path).map_err(failed)?;
+        let kind = file.metadata().map_err(failed)?;
+        if !kind.is_file() {
+            return Err(RecordingError::new(path, "is no file"));
+        }
+        if kind.len() == 0 {
+            return Err(RecordingError::new(path, "is empty: nothing was recorded"));
+        }
+        let mut end = [0; mcap::MAGIC.len()];
+        let finished = kind.len() >= 2 * END_MAGIC_LEN as u64
+            && file.seek(SeekFrom::End(-END_MAGIC_LEN)).and_then(|_| file.read_exact(&mut end)).is_ok()
+            && end == mcap::MAGIC;
+        file.rewind().map_err(failed)?;
+        let options = LinearReaderOptions::default()
+            .with_emit_chunks(whole_chunks)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(MAX_RECORD);
+        let reader = LinearReader::new_with_options(options);
+        Ok(Self { path: path.into(), file, reader, finished, started: false })
+    }
+
+    /// Gives the next record to `read`; `None` at the end, also at that of a file without one.
+    fn next<R>(
+        &mut self,
+        mut read: impl FnMut(u8, &[u8]) -> Result<R, RecordingError>,
+    ) -> Result<Option<R>, RecordingError> {
+        loop {
+            let Some(event) = self.reader.next_event() else { return Ok(None) };
+            match event {
+                Ok(LinearReadEvent::ReadRequest(size)) => {
+                    // What a damaged length asks for is not taken on trust.
+                    let size = size.clamp(READ_BYTES, READ_AT_MOST);
+                    let got = self.file.read(self.reader.insert(size));
+                    let got = got.map_err(|error| RecordingError::new(&self.path, error))?;
+                    self.reader.notify_read(got);
+                }
+                Ok(LinearReadEvent::Record { opcode, data }) => {
+                    self.started = true;
+                    // What a file system leaves where nothing was written.
+                    if opcode == 0 && !self.finished {
+                        return Ok(None);
+                    }
+                    return read(opcode, data).map(Some);
+                }
+                Err(error) => {
+                    let over = matches!(error, McapError::UnexpectedEof) && !self.finished && self.started;
+                    return if over { Ok(None) } else { Err(self.in_words(&error)) };
+                }
+            }
+        }
+    }
+
+    fn in_words(&self, error: &McapError) -> RecordingError {
+        let what = match error {
+            McapError::BadMagic => "is no MCAP file".to_owned(),
+            McapError::UnexpectedEof if !self.started => "is no MCAP file".to_owned(),
+            McapError::BadChunkCrc { .. } => "is damaged: a chunk is not what its checksum says".to_owned(),
+            McapError::BadAttachmentCrc { .. } => {
+                "is damaged: an attachment is not what its checksum says".to_owned()
+            }
+            McapError::UnsupportedCompression(name) => {
+                format!(
+                    "is compressed with {name:?}, which hilare does not read; mcap compress --compression lz4"
+                )
+            }
+            other => format!("is damaged: {other}"),
+        };
+        RecordingError::new(&self.path, what)
+    }
+}
+
+fn parse<'a>(path: &Path, opcode: u8, data: &'a [u8]) -> Result<Record<'a>, RecordingError> {
+    mcap::parse_record(opcode, data)
+        .map_err(|error| RecordingError::new(path, format!("is damaged: {error}")))
+}
+
+/// What a file says of itself.
+struct Survey {
+    info: RunInfo,
+    system: Option<String>,
+    finished: bool,
+}
+
+impl Survey {
+    fn of(path: &Path) -> Result<Self, RecordingError> {
+        let mut records = Records::open(path, true)?;
+        let mut survey = Self { info: RunInfo::default(), system: None, finished: records.finished };
+        let mut known = false;
+        let path = path.to_owned();
+        // Ours say it before the first chunk; what another tool has made of them may say it later.
+        while let Some(enough) = records.next(|opcode, data| {
+            match opcode {
+                op::CHUNK => return Ok(known),
+                op::METADATA => {
+                    if let Record::Metadata(metadata) = parse(&path, opcode, data)?
+                        && metadata.name == METADATA
+                    {
+                        survey.info = RunInfo::from_metadata(&metadata.metadata);
+                        known = true;
+                    }
+                }
+                op::ATTACHMENT => {
+                    if let Some((name, text)) = attachment(data)
+                        && name == SYSTEM_ATTACHMENT
+                    {
+                        survey.system = Some(text);
+                    }
+                }
+                op::CHANNEL => {
+                    if let Record::Channel(channel) = parse(&path, opcode, data)? {
+                        known |= place_of(&channel.topic).is_some();
+                    }
+                }
+                _ => {}
+            }
+            Ok(false)
+        })? {
+            if enough {
+                break;
+            }
+        }
+        if !known && !Self::has_our_channels(&path)? {
+            return Err(RecordingError::new(
+                &path,
+                "is no recording of hilare: it has no channels /hilare/...",
+            ));
+        }
+        Ok(survey)
+    }
+
+    fn has_our_channels(path: &Path) -> Result<bool, RecordingError> {
+        let mut part = PartReader::open(path)?;
+        while part.next_record()?.is_some() {
+            if !part.channels.is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+}
+
+/// Name and text of an attachment whose lengths and checksum are right.
+fn attachment(data: &[u8]) -> Option<(String, String)> {
+    const TIMES: usize = 16;
+    let text = |data: &[u8]| -> Option<(usize, String)> {
+        let (length, rest) = data.split_first_chunk()?;
+        let text = rest.get(..u32::from_le_bytes(*length) as usize)?;
+        Some((size_of::<u32>() + text.len(), String::from_utf8(text.to_vec()).ok()?))
+    };
+    let (body, crc) = data.split_last_chunk()?;
+    let crc = u32::from_le_bytes(*crc);
+    let (name_len, name) = text(body.get(TIMES..)?)?;
+    let (type_len, _) = text(body.get(TIMES + name_len..)?)?;
+    let (length, rest) = body.get(TIMES + name_len + type_len..)?.split_first_chunk()?;
+    if u64::from_le_bytes(*length) != rest.len() as u64 || (crc != 0 && crc != crc32(body)) {
+        return None;
+    }
+    Some((name, String::from_utf8(rest.to_vec()).ok()?))
+}
+
+/// CRC-32 as zip has it, bit by bit: for a few kilobytes.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0_u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+    })
+}
+
+/// Messages of a file.
+struct PartReader {
+    records: Records,
+    /// Place in [`RECORDED`] of each channel that is ours.
+    channels: BTreeMap<u16, usize>,
+}
+
+/// What a record was to us.
+enum Seen {
+    Message(Timed),
+    Channel(u16, usize),
+    Other,
+}
+
+impl PartReader {
+    fn open(path: &Path) -> Result<Self, RecordingError> {
+        Ok(Self { records: Records::open(path, false)?, channels: BTreeMap::new() })
+    }
+
+    /// The next message of one of our wires.
+    fn next_message(&mut self) -> Result<Option<Timed>, RecordingError> {
+        while let Some(seen) = self.next_record()? {
+            if let Some(timed) = seen {
+                return Ok(Some(timed));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The next record: a message of ours, or another.
+    fn next_record(&mut self) -> Result<Option<Option<Timed>>, RecordingError> {
+        let channels = &self.channels;
+        let path = Arc::clone(&self.records.path);
+        let seen = self.records.next(|opcode, data| match opcode {
+            op::CHANNEL => read_channel(&path, parse(&path, opcode, data)?),
+            op::MESSAGE => read_message(&path, channels, parse(&path, opcode, data)?),
+            _ => Ok(Seen::Other),
+        })?;
+        Ok(match seen {
+            None => None,
+            Some(Seen::Message(timed)) => Some(Some(timed)),
+            Some(Seen::Channel(id, place)) => {
+                self.channels.insert(id, place);
+                Some(None)
+            }
+            Some(Seen::Other) => Some(None),
+        })
+    }
+}
+
+fn read_channel(path: &Path, record: Record<'_>) -> Result<Seen, RecordingError> {
+    let Record::Channel(channel) = record else { return Ok(Seen::Other) };
+    // A wire of another version is passed over; one that both know has to be the same.
+    let Some(place) = place_of(&channel.topic) else { return Ok(Seen::Other) };
+    let ours = RECORDED[place];
+    let said = |key: &str| channel.metadata.get(key).cloned().unwrap_or_else(|| "?".to_owned());
+    if said("layout") != ours.layout() || channel.message_encoding != "cdr" {
+        return Err(RecordingError::new(
+            path,
+            format!(
+                "{} is {} with layout {} there, {} with layout {} here; read it with the hilare that wrote it",
+                channel.topic,
+                said("message"),
+                said("layout"),
+                ours.message(),
+                ours.layout()
+            ),
+        ));
+    }
+    Ok(Seen::Channel(channel.id, place))
+}
+
+fn read_message(
+    path: &Path,
+    channels: &BTreeMap<u16, usize>,
+    record: Record<'_>,
+) -> Result<Seen, RecordingError> {
+    let Record::Message { header, data } = record else { return Ok(Seen::Other) };
+    let Some(place) = channels.get(&header.channel_id) else { return Ok(Seen::Other) };
+    let entry = Entry::decode(*place, &data).ok_or_else(|| {
+        RecordingError::new(
+            path,
+            format!("is damaged: a message of {} bytes on {}", data.len(), RECORDED[*place].topic()),
+        )
+    })?;
+    Ok(Seen::Message(Timed { log_time_ns: header.log_time, sequence: header.sequence, entry }))
+}

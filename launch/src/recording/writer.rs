@@ -1,0 +1,153 @@
+//! The thread that writes: batches in, files out.
+
+use super::RecordingError;
+use super::info::{RunInfo, part_file};
+use super::part::{Part, View};
+use super::tape::{Batch, Settings};
+use super::wires::RECORDED;
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+use std::path::PathBuf;
+use std::time::Duration;
+use tracing::warn;
+
+/// Time between two looks at how long a chunk has been open.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What was written.
+#[derive(Debug, Default)]
+pub(super) struct Written {
+    pub(super) files: Vec<PathBuf>,
+    pub(super) bytes: u64,
+    /// Messages of each wire that came after the files had failed.
+    pub(super) refused: [u64; RECORDED.len()],
+    /// What went wrong with the files.
+    pub(super) trouble: Option<String>,
+}
+
+/// Writes part after part.
+pub(super) struct Writer {
+    settings: Settings,
+    info: RunInfo,
+    system: String,
+    // None once the disk has refused.
+    part: Option<Part>,
+    written: Written,
+}
+
+impl Writer {
+    /// Begins the first part, behind those that are there.
+    pub(super) fn begin(settings: Settings, info: RunInfo, system: String) -> Result<Self, RecordingError> {
+        let mut writer = Self { settings, info, system, part: None, written: Written::default() };
+        writer.next_part()?;
+        Ok(writer)
+    }
+
+    fn next_part(&mut self) -> Result<(), RecordingError> {
+        let path = loop {
+            let path = part_file(&self.settings.path, self.info.part);
+            if std::fs::symlink_metadata(&path).is_err() {
+                break path;
+            }
+            self.info.part += 1;
+        };
+        let views: [View; 0] = [];
+        self.part = Some(Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?);
+        self.info.part += 1;
+        self.written.files.push(path);
+        Ok(())
+    }
+
+    /// Writes until nobody sends any more.
+    pub(super) fn run(
+        mut self,
+        batches: &Receiver<Batch>,
+        mut hindrance: impl FnMut(),
+        mut done: impl FnMut(Batch),
+    ) -> Written {
+        loop {
+            match batches.recv_timeout(LOOK) {
+                Ok(mut batch) => {
+                    hindrance();
+                    self.write(&mut batch);
+                    done(batch);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            let tended = self.part.as_mut().map_or(Ok(()), Part::tend);
+            if let Err(error) = tended {
+                self.fail(&error);
+            }
+        }
+        self.end_part();
+        self.written
+    }
+
+    fn write(&mut self, batch: &mut Batch) {
+        // Wires are read one after the other; in the file, messages of a tick stand together.
+        batch.items.sort_by_key(|item| item.time_ns);
+        for index in 0..batch.items.len() {
+            let item = batch.items[index];
+            if self.is_full(item.time_ns) {
+                self.end_part();
+                if self.written.trouble.is_none()
+                    && let Err(error) = self.next_part()
+                {
+                    self.fail(&error);
+                }
+            }
+            let cdr = &batch.bytes[item.start..item.end];
+            let result = match &mut self.part {
+                Some(part) => part.write(item.place, item.sequence, item.time_ns, cdr),
+                None => {
+                    self.written.refused[item.place] += 1;
+                    continue;
+                }
+            };
+            if let Err(error) = result {
+                self.written.refused[item.place] += 1;
+                self.fail(&error);
+            }
+        }
+    }
+
+    fn is_full(&self, time_ns: u64) -> bool {
+        let Settings { rotate_bytes, rotate_ns, .. } = self.settings;
+        self.part.as_ref().is_some_and(|part| {
+            let age_ns = part.first_time_ns().map_or(0, |first| time_ns.saturating_sub(first));
+            (rotate_bytes > 0 && part.length() >= rotate_bytes) || (rotate_ns > 0 && age_ns >= rotate_ns)
+        })
+    }
+
+    fn end_part(&mut self) {
+        let Some(part) = self.part.take() else { return };
+        let (in_place, path) = (part.is_in_place(), part.path().to_owned());
+        let trouble = match part.finish() {
+            Ok(bytes) => {
+                self.written.bytes += bytes;
+                (!in_place).then(|| RecordingError::new(&path, "somebody has taken the file away"))
+            }
+            Err((error, lost)) => {
+                self.written.refused.iter_mut().zip(lost).for_each(|(refused, lost)| *refused += lost);
+                self.written.bytes += std::fs::metadata(&path).map_or(0, |file| file.len());
+                Some(error)
+            }
+        };
+        if let Some(trouble) = trouble {
+            self.tell(&trouble);
+        }
+    }
+
+    /// The disk refuses: what is written stays, the run goes on.
+    fn fail(&mut self, error: &RecordingError) {
+        self.tell(error);
+        self.end_part();
+    }
+
+    fn tell(&mut self, error: &RecordingError) {
+        if self.written.trouble.is_none() {
+            warn!("{error}: recording ends here, the run goes on");
+            self.written.trouble = Some(error.to_string());
+        }
+    }
+}
