@@ -32,6 +32,8 @@ pub struct PlannerProcess {
     /// The scenario's own path, or the one a predecessor left: published first of all.
     first: Option<(PathHeader, Vec<Waypoint>)>,
     kept: KeptPath,
+    /// The last search was ended by the clock or by a newer goal.
+    cut_short: bool,
     report: Report,
 }
 
@@ -59,6 +61,7 @@ impl PlannerProcess {
             deadline: Duration::from_millis(system.planner.deadline_ms),
             first,
             kept,
+            cut_short: false,
             // Path ids go up over restarts, too.
             report: Report { path_id: (incarnation - 1) << 32, ..Report::default() },
         })
@@ -93,8 +96,10 @@ impl PlannerProcess {
             worker.page.give_sign_of_life(worker.assignment.slot);
             goals.waiting()
         };
-        let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal };
-        match self.navigator.path(kind, waypoints, self.robot, &mut budget) {
+        let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal, over: false };
+        let found = self.navigator.path(kind, waypoints, self.robot, &mut budget);
+        self.cut_short = budget.over;
+        match found {
             Err(_) if self.goal.waiting() => refused(OVERTAKEN),
             Err(why) => refused(&why),
             Ok(path) if self.publish(header.goal_id, &path) => Answer {
@@ -130,7 +135,8 @@ impl Reactive for PlannerProcess {
             goal = newer;
         }
         let answer = self.answer(worker, &goal.0, &goal.1);
-        let words = [answer.goal_id, answer.accepted, self.report.path_id];
+        let cut_short = u64::from(std::mem::take(&mut self.cut_short));
+        let words = [answer.goal_id, answer.accepted, self.report.path_id, cut_short];
         worker.journal(self.report.tick, JournalKind::Goal, &words);
         self.answer.send(&answer);
         worker.page.announce(News::Path);
@@ -210,10 +216,13 @@ struct Until<F> {
     start: Instant,
     limit: Duration,
     newer_goal: F,
+    /// It has ended something.
+    over: bool,
 }
 
 impl<F: Fn() -> bool> Budget for Until<F> {
     fn exhausted(&mut self) -> bool {
-        (!self.limit.is_zero() && self.start.elapsed() >= self.limit) || (self.newer_goal)()
+        self.over |= (!self.limit.is_zero() && self.start.elapsed() >= self.limit) || (self.newer_goal)();
+        self.over
     }
 }
