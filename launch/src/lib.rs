@@ -5,6 +5,7 @@
 //! * [`manager`]: what makes processes a robot.
 //! * [`latency`]: how punctual it all is.
 //! * [`recording`]: what went over the wires, kept in files and read back.
+//! * [`replay`]: a recording, run again through the same code.
 //! * [`report`]: what a run came to.
 //! * [`topic`]: what the wires carry, for people.
 //! * [`reproduce`]: what the papers print, beside what comes out here.
@@ -20,6 +21,7 @@ pub mod logging;
 pub mod manager;
 mod private;
 pub mod recording;
+pub mod replay;
 pub mod report;
 pub mod reproduce;
 pub mod shell;

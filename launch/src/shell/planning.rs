@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tracing::warn;
 
 /// Why a goal was not planned for.
-const OVERTAKEN: &str = "overtaken by a newer goal";
+pub const OVERTAKEN: &str = "overtaken by a newer goal";
 
 /// goal, pose → path, answer.
 pub struct PlannerProcess {
@@ -86,31 +86,56 @@ impl PlannerProcess {
 
     /// Plans for a goal and publishes the path; on any failure the old path stays.
     fn answer(&mut self, worker: &Worker, header: &GoalHeader, waypoints: &[Waypoint]) -> Answer {
-        let refused = |why: &str| Answer { goal_id: header.goal_id, text: text_field(why), ..Answer::ZERO };
-        let Some(kind) = GoalKind::from_code(header.kind) else { return refused("unknown kind of goal") };
-        if header.has_heading != 0 {
-            return refused("a final heading cannot be promised yet; leave THETA away");
-        }
         let goals = &self.goal;
         let newer_goal = || {
             worker.page.give_sign_of_life(worker.assignment.slot);
             goals.waiting()
         };
         let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal, over: false };
-        let found = self.navigator.path(kind, waypoints, self.robot, &mut budget);
+        let found = path_for(&mut self.navigator, header, waypoints, self.robot, &mut budget);
         self.cut_short = budget.over;
-        match found {
-            Err(_) if self.goal.waiting() => refused(OVERTAKEN),
-            Err(why) => refused(&why),
-            Ok(path) if self.publish(header.goal_id, &path) => Answer {
-                goal_id: header.goal_id,
-                accepted: 1,
-                waypoints: path.len() as u64,
-                text: text_field("accepted"),
-            },
-            Ok(_) => refused("the path could not be published; is /dev/shm full?"),
-        }
+        let found = match found {
+            Err(_) if self.goal.waiting() => Err(OVERTAKEN.to_owned()),
+            Ok(path) if !self.publish(header.goal_id, &path) => {
+                Err("the path could not be published; is /dev/shm full?".to_owned())
+            }
+            found => found,
+        };
+        answer_of(header.goal_id, &found)
     }
+}
+
+/// The path for a goal, the robot being at `robot`; or why there is none.
+pub fn path_for(
+    navigator: &mut Navigator,
+    header: &GoalHeader,
+    waypoints: &[Waypoint],
+    robot: WorldPoint,
+    budget: &mut dyn Budget,
+) -> Result<Vec<Waypoint>, String> {
+    let kind = GoalKind::from_code(header.kind).ok_or("unknown kind of goal")?;
+    if header.has_heading != 0 {
+        return Err("a final heading cannot be promised yet; leave THETA away".to_owned());
+    }
+    navigator.path(kind, waypoints, robot, budget)
+}
+
+/// What is answered to a goal for which this was found.
+pub fn answer_of(goal_id: u64, found: &Result<Vec<Waypoint>, String>) -> Answer {
+    match found {
+        Ok(path) => Answer {
+            goal_id,
+            accepted: 1,
+            waypoints: path.len() as u64,
+            text: text_field("accepted"),
+        },
+        Err(why) => Answer { goal_id, text: text_field(why), ..Answer::ZERO },
+    }
+}
+
+/// As many waypoints of a goal as are looked at: one more than there may be, so that too many are refused as such.
+pub fn first_of(waypoints: &[Waypoint]) -> &[Waypoint] {
+    &waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)]
 }
 
 impl Reactive for PlannerProcess {
@@ -125,9 +150,7 @@ impl Reactive for PlannerProcess {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;
         }
-        // One more than there may be, so that too many are refused as such.
-        let copied = |waypoints: &[Waypoint]| waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)].to_vec();
-        let next_goal = || self.goal.next(|header, waypoints| (*header, copied(waypoints)));
+        let next_goal = || self.goal.next(|header, waypoints| (*header, first_of(waypoints).to_vec()));
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
             let text = text_field(OVERTAKEN);
