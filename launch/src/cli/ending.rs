@@ -3,7 +3,9 @@
 use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
-use crate::report::{Correction, Counters, PlotInput, RunIdentity, Summary, verdict_text, write_report};
+use crate::report::{
+    Correction, Counters, PlotInput, RecordingSummary, RunIdentity, Summary, verdict_text, write_report,
+};
 use crate::shell::observer::Handover;
 use hilare_interfaces::latency::Quantiles;
 use hilare_planner::{ClearanceField, Map};
@@ -55,6 +57,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     );
     let radius_m = scenario.system.planner.robot_radius_m;
     summary.clearance_min_m = drive.map.and_then(|map| least_clearance_m(map, &end.rows, radius_m));
+    summary.recording = handover.recording.as_ref().map(RecordingSummary::from);
     summary.correction = scenario.correction.and_then(|band| Correction::of(&end.rows, band));
     let plots = PlotInput {
         title: &format!("{}, {law}, {} clock", scenario.name, args.clock),
@@ -77,6 +80,9 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
             "{} ticks were lost to the recorder; the figures lack them",
             handover.gaps
         )));
+    }
+    if let Some(recording) = handover.recording.filter(|recording| !recording.complete) {
+        return Err(Failure::Fault(format!("the recording is not complete: {}", recording.why)));
     }
     let arrived = summary.reached && !end.fault;
     Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })

@@ -7,7 +7,9 @@ use crate::latency::bare::{self, Part, Place};
 use crate::latency::{Figures, Measurement, load, measure, write_pictures};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure};
+use crate::recording::{Order, RunInfo};
 use crate::report::write_file;
+use crate::shell::ClockKind;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, IsTerminal};
@@ -36,6 +38,9 @@ pub struct LatencyArgs {
     /// Without the recorder that every run has
     #[arg(long)]
     no_recorder: bool,
+    /// Record every wire into this file meanwhile, as hilare run does
+    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_recorder")]
+    record: Option<PathBuf>,
     /// Built-in system or a .toml file [built-in: epuck, cart, agv]
     #[arg(long, value_name = "SYSTEM", default_value = "epuck")]
     system: String,
@@ -76,12 +81,14 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     let _written = log.written_at_end();
     let bar = progress(args, &log);
     let claim = Claim::new(&system.robot)?;
+    let recording = args.record.as_ref().map(|file| order(file, &system)).transpose()?;
     let what = Measurement {
         system,
         seconds: args.seconds,
         load: args.load,
         observers: args.observers,
         record: !args.no_recorder,
+        recording,
     };
     let measured = measure(&what, claim, &log, |passed| bar.set_position(passed.as_secs()));
     bar.finish_and_clear();
@@ -104,6 +111,14 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn order(file: &Path, system: &System) -> Result<Order, Failure> {
+    if file.exists() {
+        return Err(refused(format!("--record {}: is there already; choose another name", file.display())));
+    }
+    let info = RunInfo::new(system, "latency", ClockKind::Real.name());
+    Order::new(file, info).map_err(|error| refused(format!("--record {}: {error}", file.display())))
 }
 
 fn progress(args: &LatencyArgs, log: &LogSink) -> ProgressBar {

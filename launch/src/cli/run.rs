@@ -5,8 +5,10 @@ use super::{VerbResult, refused};
 use crate::config::{Driver, Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
+use crate::recording::info::remove_parts;
+use crate::recording::{Order, RECORDING_FILE, RunInfo, Settings, Tape};
 use crate::shell::in_process::InProcess;
-use crate::shell::observer::Handover;
+use crate::shell::observer::{Handover, survive_the_file_size_limit};
 use crate::shell::{ClockKind, build};
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
@@ -66,6 +68,9 @@ pub struct RunArgs {
     /// Name the robot runs under
     #[arg(long, value_name = "NAME")]
     robot: Option<String>,
+    /// Keep no recording of the run (run.mcap)
+    #[arg(long)]
+    no_recording: bool,
     /// Directory for the report; one that is there is replaced [default: runs/SCENARIO-LAW-CLOCK-N]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -85,6 +90,7 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
         clock: ClockKind::Real,
         seed: None,
         set: Vec::new(),
+        no_recording: false,
         robot: args.robot.clone(),
         out: args.out.clone(),
         json: args.json,
@@ -126,13 +132,25 @@ fn run_into(out: &Path, args: &RunArgs, drive: &Drive<'_>) -> VerbResult {
     let failed = |e: io::Error| refused(format!("{}: {e}", out.display()));
     log.to_file(&out.join(LOG_FILE)).map_err(failed)?;
     fs::write(out.join(SYSTEM_FILE), drive.scenario.system.to_toml()).map_err(failed)?;
+    let order = order(out, args, drive)?;
     warn_if_endless(drive);
     let max_ticks = time_limit(drive);
     let end = match args.clock {
-        ClockKind::InProcess => run_in_process(drive, max_ticks)?,
-        ClockKind::Real | ClockKind::Lockstep => run_processes(args, drive, max_ticks, &log)?,
+        ClockKind::InProcess => run_in_process(drive, max_ticks, order)?,
+        ClockKind::Real | ClockKind::Lockstep => run_processes(args, drive, max_ticks, order, &log)?,
     };
     report(args, drive, out, end)
+}
+
+/// Where to record, if so. What an earlier run has recorded there goes, as its report does.
+fn order(out: &Path, args: &RunArgs, drive: &Drive<'_>) -> Result<Option<Order>, Failure> {
+    let file = out.join(RECORDING_FILE);
+    remove_parts(&file).map_err(refused)?;
+    if args.no_recording {
+        return Ok(None);
+    }
+    let info = RunInfo::new(&drive.scenario.system, &drive.scenario.name, args.clock.name());
+    Order::new(&file, info).map(Some).map_err(|error| refused(format!("{}: {error}", file.display())))
 }
 
 /// A scenario with the path it comes to.
@@ -294,28 +312,45 @@ pub(crate) fn time_limit(drive: &Drive<'_>) -> Tick {
 
 const TIME_LIMIT: &str = "the time limit (a minute and five times what the path takes) ran out";
 
-fn run_in_process(drive: &Drive<'_>, max_ticks: Tick) -> Result<End, Failure> {
+fn run_in_process(drive: &Drive<'_>, max_ticks: Tick, order: Option<Order>) -> Result<End, Failure> {
     let mut system = InProcess::new(&drive.scenario.system, drive.waypoints).map_err(refused)?;
-    let record = system.run(max_ticks);
+    let (record, recording) = match order {
+        Some(order) => {
+            survive_the_file_size_limit().map_err(Failure::Fault)?;
+            let toml = drive.scenario.system.to_toml();
+            let settings = Settings::of(&drive.scenario.system, order.path, true);
+            let mut tape = Tape::begin(settings, order.info, toml).map_err(refused)?;
+            let record = system.run_heard(max_ticks, |heard| tape.hear(heard));
+            (record, Some(tape.finish(None)))
+        }
+        None => (system.run(max_ticks), None),
+    };
     Ok(End {
         stopped_by: (!system.arrived()).then(|| TIME_LIMIT.to_owned()),
         fault: false,
         rows: record.trace.rows().to_vec(),
         trace_csv: record.trace.to_csv(),
-        handover: Some(Handover { figures: record.statistics.figures(), gaps: 0 }),
+        handover: Some(Handover { figures: record.statistics.figures(), gaps: 0, recording }),
         lateness: Quantiles::default(),
         swaps: 0,
         restarts: 0,
     })
 }
 
-fn run_processes(args: &RunArgs, drive: &Drive<'_>, max_ticks: Tick, log: &LogSink) -> Result<End, Failure> {
+fn run_processes(
+    args: &RunArgs,
+    drive: &Drive<'_>,
+    max_ticks: Tick,
+    recording: Option<Order>,
+    log: &LogSink,
+) -> Result<End, Failure> {
     let scenario = drive.scenario;
     let job = Job {
         system: scenario.system.clone(),
         clock: args.clock,
         task: Some(scenario.task.clone()),
         record: true,
+        recording,
         workers: crate::manager::join::Workers::Own,
     };
     let bar = progress_bar(args, scenario, drive.waypoints.len(), log);

@@ -76,7 +76,14 @@ pub fn up(args: &UpArgs) -> VerbResult {
     let file = args.log.clone().or_else(|| args.background.then(|| log_path(&system.robot)));
     let arm = system.supervision.arm_on_start;
     let robot = system.robot.clone();
-    let job = Job { system, clock: ClockKind::Real, task: None, record: false, workers: args.workers };
+    let job = Job {
+        system,
+        clock: ClockKind::Real,
+        task: None,
+        record: false,
+        recording: None,
+        workers: args.workers,
+    };
     let claim = Claim::new(&robot)?;
     // Only now: the log of a robot that holds the name already is not ours.
     if let Some(file) = &file {

@@ -2,6 +2,7 @@
 
 use super::keys::StartParams;
 use super::{Realtime, Supervision, WakeUp};
+use crate::recording::RecordingParams;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
@@ -55,7 +56,8 @@ param_groups_are_groups!(
     EkfParams,
     PredictionParams,
     Supervision,
-    WakeUp
+    WakeUp,
+    RecordingParams
 );
 
 impl Group for Chassis {

@@ -3,6 +3,7 @@
 use super::group::Group;
 use super::texts::{ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, MAP, MOTORS, ROBOT, STANDBY, TextSpec};
 use super::{Supervision, System, WakeUp, realtime};
+use crate::recording::RecordingParams;
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::chassis::{DifferentialParams, MecanumParams};
@@ -133,6 +134,7 @@ pub(super) enum Section {
     Start,
     Supervision,
     WakeUp,
+    Recording,
     Realtime(Role),
 }
 
@@ -144,7 +146,7 @@ impl Section {
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
             .chain([Estimator, Planner, Fit, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
-            .chain([WakeUp])
+            .chain([WakeUp, Recording])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -185,6 +187,7 @@ impl Section {
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
             Self::WakeUp => "wake_up".to_owned(),
+            Self::Recording => "recording".to_owned(),
             Self::Realtime(role) => format!("realtime.{}", role.name()),
         }
     }
@@ -257,6 +260,7 @@ impl Section {
             Self::Start => StartParams::SPECS,
             Self::Supervision => Supervision::SPECS,
             Self::WakeUp => WakeUp::SPECS,
+            Self::Recording => RecordingParams::SPECS,
             Self::Realtime(role) => realtime::specs(role),
         }
     }
@@ -288,6 +292,7 @@ impl Section {
             Self::Start => &system.start,
             Self::Supervision => &system.supervision,
             Self::WakeUp => &system.wake_up,
+            Self::Recording => &system.recording,
             Self::Realtime(role) => &system.realtime[realtime::index(role)?],
         })
     }
@@ -312,6 +317,7 @@ impl Section {
             Self::Start => &mut system.start,
             Self::Supervision => &mut system.supervision,
             Self::WakeUp => &mut system.wake_up,
+            Self::Recording => &mut system.recording,
             Self::Realtime(role) => &mut system.realtime[realtime::index(role)?],
         })
     }

@@ -31,6 +31,7 @@ pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
 pub use texts::TextSpec;
 
+use crate::recording::RecordingParams;
 use document::Document;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
@@ -137,6 +138,8 @@ pub struct System {
     pub supervision: Supervision,
     /// How the clock wakes.
     pub wake_up: WakeUp,
+    /// How recordings are written.
+    pub recording: RecordingParams,
     realtime: [Realtime; Role::WORKERS.len()],
 }
 
@@ -173,6 +176,7 @@ impl Default for System {
             start: WorldPose::default(),
             supervision: Supervision::default(),
             wake_up: WakeUp::default(),
+            recording: RecordingParams::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
         }
     }

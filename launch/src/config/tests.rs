@@ -69,7 +69,7 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
-             tracking, controller, estimator, planner, plant, camera, start, supervision, wake_up, realtime",
+             tracking, controller, estimator, planner, plant, camera, start, supervision, wake_up, recording, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
@@ -93,7 +93,7 @@ fn unknown_sections_name_the_one_that_was_meant() {
         (
             "[colour]",
             "1: unknown section [colour]; known: chassis, motors, limits, timing, tracking, controller, estimator, \
-             planner, plant, camera, start, supervision, wake_up, realtime",
+             planner, plant, camera, start, supervision, wake_up, recording, realtime",
         ),
         (
             "[limits.v_max_mps]\nx = 1",

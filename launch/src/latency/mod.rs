@@ -20,6 +20,7 @@ pub use picture::write_pictures;
 use crate::config::{System, Task};
 use crate::manager::children::this_program;
 use crate::manager::{Cause, Claim, Counts, Failure, Job, LateTick, Manager, Timings};
+use crate::recording::Order;
 use crate::shell::ClockKind;
 use crate::shell::mapped::{Mappable, Mapped};
 use crate::shell::realtime::Granted;
@@ -55,6 +56,8 @@ pub struct Measurement {
     pub observers: usize,
     /// With the recorder, as every run has it.
     pub record: bool,
+    /// Every message is recorded besides, and where.
+    pub recording: Option<Order>,
 }
 
 /// Hops of one kind, and all of them together.
@@ -115,14 +118,22 @@ pub fn measure(
         system,
         clock: ClockKind::Real,
         record: what.record,
+        recording: what.recording.clone(),
         workers: crate::manager::join::Workers::Own,
     };
     let mut manager = Manager::start(claim, job, log)?;
     let measured = beside(&mut manager, what, &mut step);
     let outcome = manager.end();
-    match outcome.fault {
-        Some(fault) => Err(Failure::Fault(fault)),
-        None => measured,
+    let recording = outcome.handover.and_then(|handover| handover.recording);
+    match (outcome.fault, recording) {
+        (Some(fault), _) => Err(Failure::Fault(fault)),
+        (None, Some(recording)) if !recording.complete => {
+            Err(Failure::Fault(format!("the recording is not complete: {}", recording.why)))
+        }
+        (None, None) if what.recording.is_some() => {
+            Err(Failure::Fault("the recorder died; its recording has no end".to_owned()))
+        }
+        (None, _) => measured,
     }
 }
 

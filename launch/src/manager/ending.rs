@@ -1,5 +1,6 @@
 //! The end of a launch: the robot rests, the recorder is heard, everybody leaves, nothing is left.
 
+use super::member::Member;
 use super::{LEAVE_PATIENCE, Manager, Outcome, REST_PATIENCE};
 use crate::shell::ClockKind;
 use crate::shell::observer::TRACE_FILE;
@@ -9,6 +10,9 @@ use hilare_interfaces::wires::Role;
 use rustix::process::Signal;
 use std::time::{Duration, Instant};
 use tracing::warn;
+
+/// Time the recorder has to write what waits for the disk.
+const DISK_PATIENCE: Duration = Duration::from_secs(10);
 
 impl Manager {
     /// Stops the robot, lets everybody leave and collects what they left.
@@ -59,20 +63,25 @@ impl Manager {
         let started = Instant::now();
         let mut harder =
             [(LEAVE_PATIENCE / 2, Signal::TERM), (LEAVE_PATIENCE, Signal::KILL)].into_iter().peekable();
+        // Who records may have to wait for a slow disk.
+        let recorder_s = if self.job.recording.is_some() { DISK_PATIENCE } else { Duration::ZERO };
         while self.members.iter().any(|member| member.running.is_some()) {
             self.step(Duration::from_millis(5));
+            let records = |member: &Member| {
+                member.role == Role::Recorder && member.running.is_some() && started.elapsed() < recorder_s
+            };
             if let Some((_, signal)) = harder.next_if(|(after, _)| started.elapsed() > *after) {
-                self.signal_all(signal);
+                self.signal_all(signal, |member| !records(member));
             }
             // The kernel lets nobody go who waits for a device; its page is no reason to wait with it.
-            if started.elapsed() > LEAVE_PATIENCE + REST_PATIENCE {
-                return self.signal_all(Signal::KILL);
+            if started.elapsed() > LEAVE_PATIENCE + REST_PATIENCE && !self.members.iter().any(records) {
+                return self.signal_all(Signal::KILL, |_| true);
             }
         }
     }
 
-    fn signal_all(&self, signal: Signal) {
-        for member in &self.members {
+    fn signal_all(&self, signal: Signal, whom: impl Fn(&Member) -> bool) {
+        for member in self.members.iter().filter(|member| whom(member)) {
             if let Some(running) = &member.running {
                 warn!("{} (pid {}) does not leave: {signal:?}", member.name(), running.pid);
                 running.signal(signal);

@@ -68,6 +68,7 @@ pub fn joiners(system: &System) -> Vec<(Role, bool)> {
         clock: ClockKind::Real,
         task: None,
         record: false,
+        recording: None,
         workers: Workers::Joined,
     };
     let members = start::members(&job).into_iter().filter(|member| member.joined);

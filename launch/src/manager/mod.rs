@@ -23,6 +23,7 @@ mod systems;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
+use crate::recording::Order;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
@@ -97,6 +98,8 @@ pub struct Job {
     pub task: Option<Task>,
     /// Whether to keep figures and a trace.
     pub record: bool,
+    /// Whether every message is kept besides, and where.
+    pub recording: Option<Order>,
     /// Who starts the workers.
     pub workers: Workers,
 }

@@ -196,6 +196,9 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
         std::fs::write(&file, hilare_planner::waypoint_file::write(waypoints))
             .map_err(|e| Failure::Refused(format!("{}: {e}", file.display())))?;
     }
+    if let Some(order) = &job.recording {
+        order.leave_in(dir).map_err(Failure::Refused)?;
+    }
     write_config(dir, &job.system.robot).map_err(|e| Failure::Refused(e.to_string()))
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Ticks a wire may end before the newest: the last look at the wires is not at all of them at once.
-const TAIL_TICKS: u64 = 100;
+const TAIL_TICKS: u64 = 1000;
 
 /// What one wire came to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -178,23 +178,23 @@ mod tests {
     #[test]
     fn what_never_came_is_counted_by_wire() {
         let mut audit = Audit::new(5);
-        for tick in 100..400 {
+        for tick in 1100..2400 {
             audit.hear(&Heard::Steps(&Steps { tick, ..Steps::ZERO }));
-            if !(200..203).contains(&tick) {
+            if !(1200..1203).contains(&tick) {
                 audit.hear(&Heard::Pose(&Pose { tick, ..Pose::ZERO }));
             }
-            if tick < 250 {
+            if tick < 1250 {
                 audit.hear(&Heard::Truth(&Truth { tick, ..Truth::ZERO }));
             }
-            if tick % 5 == 0 && tick != 300 {
+            if tick % 5 == 0 && tick != 1300 {
                 audit.hear(&Heard::Reference(&Reference { tick, ..Reference::ZERO }));
-                let seq = if tick < 350 { tick / 5 } else { tick / 5 + 2 };
+                let seq = if tick < 1350 { tick / 5 } else { tick / 5 + 2 };
                 audit.hear(&Heard::Command(&Command { seq, pose_tick: tick, ..Command::ZERO }));
             }
         }
         let told = [
             ("pose".to_owned(), 3, 0),
-            ("truth".to_owned(), 150, 0),
+            ("truth".to_owned(), 1150, 0),
             ("reference".to_owned(), 0, 1),
             // The one that was never sent, by its number, and two that were.
             ("command".to_owned(), 3, 1),

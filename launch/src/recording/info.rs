@@ -2,11 +2,12 @@
 
 use super::RecordingError;
 use super::wires::RECORDED;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// What was recorded; the metadata record `hilare` of every part. What is not known is empty.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunInfo {
     /// Version of the hilare that wrote it.
     pub version: String,

@@ -58,7 +58,7 @@ pub struct View {
     /// Its topic.
     pub topic: &'static str,
     /// Its ROS type, `nav_msgs/msg/Odometry`.
-    pub type_name: &'static str,
+    pub type_name: String,
     /// The definition of that.
     pub definition: String,
 }
@@ -133,7 +133,7 @@ impl Part {
             }
             for view in views {
                 told += view.type_name.len() as u64 + view.definition.len() as u64 + 128;
-                let schema = writer.add_schema(view.type_name, "ros2msg", view.definition.as_bytes())?;
+                let schema = writer.add_schema(&view.type_name, "ros2msg", view.definition.as_bytes())?;
                 view_channels.push(writer.add_channel(schema, view.topic, "cdr", &metadata(&[]))?);
             }
             Ok(())

@@ -62,16 +62,14 @@ impl Recording {
         }
         let survey = Survey::of(&parts[0])?;
         let mut unfinished = (!survey.finished).then(|| parts[0].clone());
-        let mut belonging = 1;
-        for part in &parts[1..] {
-            let next = Survey::of(part)?;
-            if next.info.recording != survey.info.recording {
-                break;
+        for part in parts.split_off(1) {
+            // Of another recording, a file may lie beside this one.
+            let next = Survey::of(&part)?;
+            if next.info.recording == survey.info.recording {
+                unfinished = unfinished.or((!next.finished).then(|| part.clone()));
+                parts.push(part);
             }
-            unfinished = unfinished.or((!next.finished).then(|| part.clone()));
-            belonging += 1;
         }
-        parts.truncate(belonging);
         Ok(Self { parts, info: survey.info, system: survey.system, unfinished })
     }
 

@@ -6,12 +6,13 @@
 
 use super::audit::{Audit, Report};
 use super::info::RunInfo;
+use super::settings::Settings;
 use super::wires::{Heard, RECORDED};
 use super::writer::{self, Written};
 use super::{RecordingError, cdr};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::mem::take;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
@@ -29,23 +30,6 @@ const FULL_BATCH: usize = 128 << 10;
 const NS_PER_TICK: u64 = 1_000_000;
 /// Time between two words about messages given up.
 const WARN_EVERY: Duration = Duration::from_secs(1);
-
-/// How to record.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// File of the first part; one that is there is not touched, the next number is taken.
-    pub path: PathBuf,
-    /// A new part after so many bytes; 0 never.
-    pub rotate_bytes: u64,
-    /// A new part after so much time of the recording; 0 never.
-    pub rotate_ns: u64,
-    /// Most bytes that wait for the disk.
-    pub queue_bytes: usize,
-    /// Bytes of a chunk before it is compressed.
-    pub chunk_bytes: u64,
-    /// Wait for the disk rather than give messages up: virtual time.
-    pub patient: bool,
-}
 
 /// Messages on their way to the writer's thread.
 #[derive(Debug, Default)]

@@ -2,9 +2,11 @@
 
 use super::RecordingError;
 use super::info::{RunInfo, part_file};
-use super::part::{Part, View};
-use super::tape::{Batch, Settings};
-use super::wires::RECORDED;
+use super::part::Part;
+use super::ros::{self, Views};
+use super::settings::Settings;
+use super::tape::{Batch, Item};
+use super::wires::{Entry, RECORDED};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -31,13 +33,24 @@ pub(super) struct Writer {
     system: String,
     // None once the disk has refused.
     part: Option<Part>,
+    views: Views,
+    view_sequences: Vec<u32>,
     written: Written,
 }
 
 impl Writer {
     /// Begins the first part, behind those that are there.
     pub(super) fn begin(settings: Settings, info: RunInfo, system: String) -> Result<Self, RecordingError> {
-        let mut writer = Self { settings, info, system, part: None, written: Written::default() };
+        let views = Views::new(info.period_ticks, settings.wheels, settings.count_rad);
+        let mut writer = Self {
+            settings,
+            info,
+            system,
+            part: None,
+            views,
+            view_sequences: vec![0; ros::channels().len()],
+            written: Written::default(),
+        };
         writer.next_part()?;
         Ok(writer)
     }
@@ -50,7 +63,7 @@ impl Writer {
             }
             self.info.part += 1;
         };
-        let views: [View; 0] = [];
+        let views = ros::channels();
         self.part = Some(Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?);
         self.info.part += 1;
         self.written.files.push(path);
@@ -97,15 +110,16 @@ impl Writer {
                 }
             }
             let cdr = &batch.bytes[item.start..item.end];
-            let result = match &mut self.part {
-                Some(part) => part.write(item.place, item.sequence, item.time_ns, cdr),
-                None => {
-                    self.written.refused[item.place] += 1;
-                    continue;
-                }
-            };
-            if let Err(error) = result {
+            let Self { part, views, view_sequences, .. } = self;
+            let Some(part) = part else {
                 self.written.refused[item.place] += 1;
+                continue;
+            };
+            let written = part.write(item.place, item.sequence, item.time_ns, cdr);
+            if written.is_err() {
+                self.written.refused[item.place] += 1;
+            }
+            if let Err(error) = written.and_then(|()| write_views(part, views, view_sequences, &item, cdr)) {
                 self.fail(&error);
             }
         }
@@ -150,4 +164,24 @@ impl Writer {
             self.written.trouble = Some(error.to_string());
         }
     }
+}
+
+/// What other tools are told of a message.
+fn write_views(
+    part: &mut Part,
+    views: &mut Views,
+    sequences: &mut [u32],
+    item: &Item,
+    cdr: &[u8],
+) -> Result<(), RecordingError> {
+    let mut written = Ok(());
+    let Some(entry) = Entry::decode(item.place, cdr) else { return written };
+    views.of(&entry, item.time_ns, |view, cdr| {
+        let sequence = sequences[view];
+        sequences[view] = sequence.wrapping_add(1);
+        if written.is_ok() {
+            written = part.write_view(view, sequence, item.time_ns, cdr);
+        }
+    });
+    written
 }

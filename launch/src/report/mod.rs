@@ -20,7 +20,7 @@ mod tests;
 
 pub use correction::{Band, Correction};
 pub use plots::{PlotInput, write_plots};
-pub use summary::{Counters, RunIdentity, Summary};
+pub use summary::{Counters, RecordingSummary, RunIdentity, Summary};
 pub use verdict::verdict_text;
 
 use std::fs;

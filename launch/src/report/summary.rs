@@ -1,6 +1,7 @@
 //! `summary.json`: the figures of a run, keys and order fixed by the design.
 
 use super::{Correction, make_dir, write_whole};
+use crate::recording;
 use hilare_interfaces::latency::Quantiles;
 use hilare_recorder::statistics::RunFigures;
 use serde::{Deserialize, Serialize};
@@ -113,6 +114,36 @@ pub struct Summary {
     /// How the deviation at the start was corrected; only where the scenario asks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
+    /// What its recording came to; only where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingSummary>,
+}
+
+/// A recording in `summary.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecordingSummary {
+    /// Its files, in the run's directory, in order.
+    pub files: Vec<String>,
+    /// Messages in them.
+    pub messages: u64,
+    /// Bytes of them.
+    pub bytes: u64,
+    /// Messages that were sent and never came.
+    pub gaps: u64,
+    /// Messages that came and were not written.
+    pub dropped: u64,
+    /// Everything that was sent is in the files.
+    pub complete: bool,
+    /// If not, why.
+    pub why: String,
+}
+
+impl From<&recording::Report> for RecordingSummary {
+    fn from(report: &recording::Report) -> Self {
+        let recording::Report { files, messages, bytes, gaps, dropped, complete, why, wires: _ } = report;
+        let (messages, bytes, gaps, dropped) = (*messages, *bytes, *gaps, *dropped);
+        Self { files: files.clone(), messages, bytes, gaps, dropped, complete: *complete, why: why.clone() }
+    }
 }
 
 impl Summary {
@@ -156,6 +187,7 @@ impl Summary {
             state_hash: format!("{:016x}", figures.state_hash),
             clearance_min_m: None,
             correction: None,
+            recording: None,
         }
     }
 

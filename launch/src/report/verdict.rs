@@ -207,6 +207,19 @@ fn timing(text: &mut String, summary: &Summary, pen: Pen) {
         summary.restarts
     );
     paragraph(text, "commands  ", &line, str::to_owned);
+    if let Some(recording) = &summary.recording {
+        let size = format!("{} messages, {:.1} MB", recording.messages, recording.bytes as f64 / 1e6);
+        let files = recording.files.join(", ");
+        match recording.complete {
+            true => {
+                paragraph(text, "recording ", &format!("{files}: {size}, none is missing"), str::to_owned)
+            }
+            false => {
+                let line = format!("{files}: {size}, NOT COMPLETE: {}", recording.why);
+                paragraph(text, "recording ", &line, |line| pen.paint(RED, line));
+            }
+        }
+    }
     paragraph(text, "hash      ", &summary.state_hash, str::to_owned);
     if summary.commands_late > 0 || summary.cycles_without_command > 0 {
         let note = "commands were late or did not act, so this hash is not expected to be the simulation's";

@@ -26,6 +26,8 @@ use std::time::Duration;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 /// Ticks the lockstep clock may be ahead of the slowest reader; well inside the wires' buffers.
 const LOCKSTEP_LEAD: u64 = 512;
+/// Control periods it may be: the relay finds every command.
+const LOCKSTEP_LEAD_PERIODS: u64 = wires::COMMAND.buffer as u64 * 3 / 4;
 /// How long the lockstep clock sleeps when a reader is behind.
 const BACK_PRESSURE: Duration = Duration::from_micros(200);
 /// Commands taken in at most in one tick: all that may wait, so that a program that floods the wire keeps
@@ -230,7 +232,7 @@ impl ClockProcess {
                 self.steps.connect();
                 worker.page.ring(&wires::STEPS);
                 worker.page.wait(slot, seen, MAX_WAIT);
-            } else if readers_behind(&worker.page, self.tick) {
+            } else if readers_behind(&worker.page, worker.system.timing.period_ticks, self.tick) {
                 worker.page.ring(&wires::STEPS);
                 worker.page.wait(slot, seen, BACK_PRESSURE);
             } else {
@@ -248,9 +250,10 @@ pub fn last_stop() -> Authority {
     Authority { seq: u64::MAX, mode: Mode::Stop.code(), ..Authority::ZERO }
 }
 
-fn readers_behind(page: &SharedPage, tick: Tick) -> bool {
+fn readers_behind(page: &SharedPage, period_ticks: u64, tick: Tick) -> bool {
     let readers = [Role::PoseEstimator, Role::Plant, Role::Recorder];
-    tick > page.least_progress(&readers).saturating_add(LOCKSTEP_LEAD)
+    let lead = LOCKSTEP_LEAD.min(LOCKSTEP_LEAD_PERIODS * period_ticks);
+    tick > page.least_progress(&readers).saturating_add(lead)
 }
 
 /// Sleeps until a time on CLOCK_MONOTONIC.

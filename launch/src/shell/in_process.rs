@@ -3,6 +3,7 @@
 
 use super::{ClockKind, build};
 use crate::config::System;
+use crate::recording::Heard;
 use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::latency::LatencyHistogram;
@@ -18,6 +19,11 @@ use hilare_step_generator::{StepGenerator, StepInputs};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use rustix::time::{ClockId, clock_gettime};
 
+/// Armed, with the one controller in charge.
+const AUTHORITY: Authority =
+    Authority { seq: 1, mode: Mode::Armed.code(), term: 1, source: 1, epoch: 1, ..Authority::ZERO };
+const PATH_HEADER: PathHeader = PathHeader { path_id: 1, goal_id: 0 };
+
 /// The whole system in one thread.
 pub struct InProcess {
     period_ticks: u64,
@@ -28,6 +34,8 @@ pub struct InProcess {
     plant: Plant,
     /// The estimator's odometry is the plant's encoders, not the steps.
     encoders: bool,
+    /// As processes, the plant would tell of its encoders.
+    sensors: bool,
     path: Option<Vec<Waypoint>>,
     tick: Tick,
     pose: Pose,
@@ -43,9 +51,7 @@ impl InProcess {
     pub fn new(system: &System, waypoints: &[Waypoint]) -> Result<Self, String> {
         let identity = Identity { source: 1, epoch: 1 };
         let mut generator = build::step_generator(system, ClockKind::InProcess);
-        let authority =
-            Authority { seq: 1, mode: Mode::Armed.code(), term: 1, source: 1, epoch: 1, ..Authority::ZERO };
-        generator.take_in(0, StepInputs { authority: Some(&authority), ..StepInputs::default() });
+        generator.take_in(0, StepInputs { authority: Some(&AUTHORITY), ..StepInputs::default() });
         let mut plant = build::plant(system)?;
         let observed = plant.step(0, generator.state());
         let mut robot = Self {
@@ -58,6 +64,7 @@ impl InProcess {
             controller: build::controller(system, system.controller.law, identity)?,
             plant,
             encoders: system.motors.has_encoders(),
+            sensors: system.reads_sensors(),
             path: Some(waypoints.to_vec()),
             tick: 0,
             reference: Reference::ZERO,
@@ -113,20 +120,24 @@ impl InProcess {
                 return false;
             }
         }
+        self.advance();
+        true
+    }
+
+    #[inline]
+    fn advance(&mut self) {
         let commands = self.command.take();
         let inputs = StepInputs { commands: commands.as_slice(), ..StepInputs::default() };
         self.generator.advance(self.tick, inputs);
         self.tick += 1;
         self.observed = self.plant.step(self.tick, self.generator.state());
         self.pose = self.estimate();
-        true
     }
 
     /// Selector and controller, once a control period.
     fn control(&mut self) {
         let path = self.path.take();
-        let header = PathHeader { path_id: 1, goal_id: 0 };
-        let path = path.as_ref().map(|waypoints| NewPath { header: &header, waypoints });
+        let path = path.as_ref().map(|waypoints| NewPath { header: &PATH_HEADER, waypoints });
         self.reference = self.selector.step(self.tick, SelectorInputs { pose: &self.pose, path });
         let inputs = ControllerInputs { reference: &self.reference, pose: &self.pose };
         let start_ns = self.law_time.is_some().then(thread_time_ns);
@@ -146,6 +157,54 @@ impl InProcess {
         record
     }
 
+    /// The same, with every message that processes would send, in order, to `hear`.
+    pub fn run_heard(&mut self, max_ticks: Tick, mut hear: impl FnMut(Heard<'_>)) -> RunRecord {
+        let mut record = RunRecord::new(self.period_ticks);
+        hear(Heard::Authority(&AUTHORITY));
+        if let Some(waypoints) = &self.path {
+            hear(Heard::Path(&PATH_HEADER, waypoints));
+        }
+        self.tell_tick(&mut hear);
+        while self.tick < max_ticks {
+            if self.tick.is_multiple_of(self.period_ticks) {
+                self.control();
+                hear(Heard::Reference(&self.reference));
+                if let Some(command) = &self.command {
+                    hear(Heard::Command(command));
+                }
+                if self.arrived() {
+                    record.statistics.note_arrival();
+                    break;
+                }
+            }
+            self.advance();
+            self.tell_tick(&mut hear);
+            record.push(self.record());
+        }
+        record
+    }
+
+    fn tell_tick(&self, hear: &mut impl FnMut(Heard<'_>)) {
+        hear(Heard::Steps(self.generator.state()));
+        if let Some(fix) = &self.observed.fix {
+            hear(Heard::Fix(fix));
+        }
+        if self.sensors {
+            hear(Heard::Wheels(&self.observed.wheels));
+        }
+        hear(Heard::Pose(&self.pose));
+        hear(Heard::Truth(&self.observed.truth));
+    }
+
+    fn record(&self) -> TickRecord<'_> {
+        TickRecord {
+            steps: self.generator.state(),
+            pose: &self.pose,
+            truth: &self.observed.truth,
+            reference: &self.reference,
+        }
+    }
+
     /// The figures of [`Self::run`], without its curves; `watch` sees the step generator after every tick.
     pub fn run_for_figures(&mut self, max_ticks: Tick, mut watch: impl FnMut(&Steps)) -> RunFigures {
         let mut statistics = RunStatistics::default();
@@ -161,12 +220,7 @@ impl InProcess {
 
     fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
         while self.tick < max_ticks && self.tick() {
-            push(TickRecord {
-                steps: self.generator.state(),
-                pose: &self.pose,
-                truth: &self.observed.truth,
-                reference: &self.reference,
-            });
+            push(self.record());
         }
     }
 }

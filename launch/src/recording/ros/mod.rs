@@ -1,0 +1,148 @@
+//! Standard ROS 2 messages made of ours, for tools that know those: once a control period, in the frames of REP-105.
+//!
+//! ```text
+//! map ──(they coincide: the estimate is in the world frame from the start)── odom ── base_link
+//! ```
+//!
+//! | topic | type | of |
+//! |---|---|---|
+//! | `/odom` | nav_msgs/Odometry | estimated pose, commanded twist after the input constraints |
+//! | `/tf` | tf2_msgs/TFMessage | map → odom → base_link |
+//! | `/ground_truth` | geometry_msgs/PoseStamped | true pose of a simulated robot |
+//! | `/cmd_vel` | geometry_msgs/TwistStamped | the same twist |
+//! | `/joint_states` | sensor_msgs/JointState | the wheels: where they are told to be, and how fast |
+//! | `/reference` | geometry_msgs/PoseStamped | current waypoint, when it changes and once a second |
+//! | `/path` | nav_msgs/Path | the path, arcs in short pieces |
+//! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator, once a second |
+
+mod definitions;
+mod diagnostics;
+mod messages;
+
+use super::part::View;
+use super::wires::Entry;
+use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
+use hilare_interfaces::messages::{Reference, Steps};
+use messages::{Stamp, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose};
+use std::collections::VecDeque;
+
+/// Topic and type of each view.
+const VIEWS: [(&str, &str); 8] = [
+    ("/odom", "nav_msgs/Odometry"),
+    ("/tf", "tf2_msgs/TFMessage"),
+    ("/ground_truth", "geometry_msgs/PoseStamped"),
+    ("/cmd_vel", "geometry_msgs/TwistStamped"),
+    ("/joint_states", "sensor_msgs/JointState"),
+    ("/reference", "geometry_msgs/PoseStamped"),
+    ("/path", "nav_msgs/Path"),
+    ("/diagnostics", "diagnostic_msgs/DiagnosticArray"),
+];
+
+const ODOM: usize = 0;
+const TF: usize = 1;
+const GROUND_TRUTH: usize = 2;
+const CMD_VEL: usize = 3;
+const JOINT_STATES: usize = 4;
+const REFERENCE: usize = 5;
+const PATH: usize = 6;
+const DIAGNOSTICS: usize = 7;
+
+/// Twists kept for poses that come later.
+const MAX_TWISTS: usize = 4096;
+
+/// Channels of the views.
+pub fn channels() -> Vec<View> {
+    let view = |(topic, name): (&'static str, &'static str)| View {
+        topic,
+        type_name: name.replace('/', "/msg/"),
+        definition: definitions::definition(name),
+    };
+    VIEWS.into_iter().map(view).collect()
+}
+
+/// Makes them, message by message.
+pub struct Views {
+    period_ticks: u64,
+    wheels: usize,
+    count_rad: f64,
+    /// Twists of the last control periods, whose poses are to come.
+    twists: VecDeque<(Tick, [f64; 3])>,
+    /// Path and place of the waypoint told last, and when.
+    told: Option<(u64, u64, Tick)>,
+    cdr: Vec<u8>,
+}
+
+impl Views {
+    /// Views of a robot with so many wheels, which turn by `count_rad` a count.
+    pub fn new(period_ticks: u64, wheels: usize, count_rad: f64) -> Self {
+        let period_ticks = period_ticks.max(1);
+        Self { period_ticks, wheels, count_rad, twists: VecDeque::new(), told: None, cdr: Vec::new() }
+    }
+
+    /// Every view of a message, as CDR, to `write`.
+    pub fn of(&mut self, entry: &Entry, time_ns: u64, mut write: impl FnMut(usize, &[u8])) {
+        let stamp = Stamp::of(time_ns);
+        let mut cdr = std::mem::take(&mut self.cdr);
+        let mut tell = |view: usize, make: &dyn Fn(&mut Vec<u8>)| {
+            cdr.clear();
+            make(&mut cdr);
+            write(view, &cdr);
+        };
+        match entry {
+            Entry::Steps(steps) if self.is_due(steps.tick) => {
+                self.keep(steps);
+                tell(CMD_VEL, &|cdr| twist_stamped(cdr, stamp, steps.twist));
+                let (wheels, count_rad) = (self.wheels, self.count_rad);
+                tell(JOINT_STATES, &|cdr| joint_states(cdr, stamp, steps, wheels, count_rad));
+                if steps.tick.is_multiple_of(TICKS_PER_SECOND) {
+                    tell(DIAGNOSTICS, &|cdr| diagnostics::of_steps(cdr, stamp, steps));
+                }
+            }
+            Entry::Pose(pose) if self.is_due(pose.tick) => {
+                let twist = self.twist_of(pose.tick);
+                tell(ODOM, &|cdr| odometry(cdr, stamp, pose.pose(), twist));
+                tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
+            }
+            Entry::Truth(truth) if self.is_due(truth.tick) => {
+                tell(GROUND_TRUTH, &|cdr| pose_stamped(cdr, stamp, truth.pose()));
+            }
+            Entry::Reference(reference) if self.is_news(reference) => {
+                let pose = waypoint_pose(reference.last, reference.current);
+                tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
+            }
+            Entry::Path(_, waypoints) => tell(PATH, &|cdr| path(cdr, stamp, waypoints)),
+            _ => {}
+        }
+        self.cdr = cdr;
+    }
+
+    fn is_due(&self, tick: Tick) -> bool {
+        tick.is_multiple_of(self.period_ticks)
+    }
+
+    fn keep(&mut self, steps: &Steps) {
+        if self.twists.len() == MAX_TWISTS {
+            self.twists.pop_front();
+        }
+        self.twists.push_back((steps.tick, steps.twist));
+    }
+
+    /// The twist of a tick, or the newest before it.
+    fn twist_of(&mut self, tick: Tick) -> [f64; 3] {
+        while self.twists.get(1).is_some_and(|(next, _)| *next <= tick) {
+            self.twists.pop_front();
+        }
+        self.twists.front().map_or([0.0; 3], |(_, twist)| *twist)
+    }
+
+    fn is_news(&mut self, reference: &Reference) -> bool {
+        let Reference { path_id, index, tick, .. } = *reference;
+        let known = self.told.is_some_and(|(path, place, since)| {
+            (path, place) == (path_id, index) && tick.saturating_sub(since) < TICKS_PER_SECOND
+        });
+        if !known {
+            self.told = Some((path_id, index, tick));
+        }
+        !known
+    }
+}
