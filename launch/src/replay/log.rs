@@ -12,7 +12,7 @@ use hilare_interfaces::messages::{
 };
 use hilare_interfaces::wires::Role;
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// A message of a tick.
 pub trait Dated: WireMessage {
@@ -100,6 +100,15 @@ impl<M: Dated> Wire<M> {
         let from = after.map_or(0, |after| self.after(after, true));
         let to = self.after(to, true);
         &self.0[from.min(to)..to]
+    }
+
+    /// Ticks beyond `end` that cannot be: no message leads up to them from there, every `stride` ticks.
+    pub fn unreachable(&self, end: Tick, stride: u64) -> RangeInclusive<Tick> {
+        let mut last = end / stride * stride;
+        while self.first(last.saturating_add(stride)).is_some_and(|next| next.tick() > last) {
+            last += stride;
+        }
+        last.saturating_add(1).max(end.saturating_add(1))..=Tick::MAX
     }
 
     /// The ticks of [`Self::between`], each once.

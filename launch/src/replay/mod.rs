@@ -5,6 +5,7 @@
 //!                                                                              └─▶ compared bit for bit: BoxReport
 //! ```
 //!
+//! * [`collect`]: a recording read.
 //! * [`log`], [`lives`], [`states`]: what was recorded, which processes there were, what successors went on from.
 //! * [`boxes`]: which inputs each box took and when; [`walk`]: ticks that were not answered, or not recorded.
 //! * [`ledger`], [`fields`]: recorded and replayed messages compared, and where they differ.
@@ -14,6 +15,7 @@
 //! the same inputs. A box whose parameters change at a tick is [`states::rebuilt`] there, its state kept.
 
 pub mod boxes;
+pub mod collect;
 pub mod fields;
 pub mod in_process;
 pub mod ledger;

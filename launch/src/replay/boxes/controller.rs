@@ -1,7 +1,7 @@
 //! Every controller process, in charge, standing by or on trial, with the reference and the pose of each of its commands.
 
 use super::BoxReport;
-use crate::replay::fields::same;
+use crate::replay::fields::{Difference, same};
 use crate::replay::ledger::Ledger;
 use crate::replay::lives::Life;
 use crate::replay::log::RunLog;
@@ -10,7 +10,7 @@ use crate::shell::boxes::controller::state_key;
 use crate::shell::build;
 use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
-use hilare_interfaces::messages::{Command, Reference};
+use hilare_interfaces::messages::{Command, JournalKind, Reference};
 use hilare_interfaces::wires::Role;
 use std::collections::BTreeSet;
 
@@ -55,13 +55,25 @@ fn waits_for_another(life: &Life, waiting: &[&Life]) -> bool {
 fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> BoxReport {
     let mut report = BoxReport::new(Role::Controller);
     report.name = format!("controller {}.{}", writer.0, writer.1);
-    report.wires.push(Ledger::new(commands, false).tally("command"));
-    let earlier = log.lives.earlier.contains_key(&writer.0.wrapping_sub(1));
-    report.notes.push(if earlier {
-        "at work before the recording began: its commands are taken as given".to_owned()
-    } else {
-        "a program that is not hilare's: its commands are taken as given".to_owned()
+    let mut tally = Ledger::new(commands, false).tally("command");
+    let heard = log.lives.all.iter().flat_map(|life| &life.entries).any(|entry| {
+        entry.kind == JournalKind::Command.code() && (entry.words[0], entry.words[1]) == writer
     });
+    let whole = log.lives.of_role(Role::StepGenerator).iter().any(|life| !life.broken);
+    let note = if heard || !whole {
+        match log.lives.earlier.get(&writer.0.wrapping_sub(1)) {
+            Some(Role::Controller) => "at work before the recording began: its commands are taken as given",
+            _ => "a program that is not hilare's: its commands are taken as given",
+        }
+    } else {
+        (tally.differing, tally.compared, tally.not_compared) = (tally.not_compared, tally.not_compared, 0);
+        let tick = commands.first().map_or(0, |command| command.pose_tick);
+        let name = format!("{}.{}", writer.0, writer.1);
+        tally.first = Some(Difference::of_words(tick, "source, epoch", name, "no command of such a controller"));
+        "the step generator never heard of it"
+    };
+    report.notes.push(note.to_owned());
+    report.wires.push(tally);
     report
 }
 

@@ -52,9 +52,9 @@ pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
         }
     }
     if !lives.is_empty() {
-        truths.know(log.horizon()..=Tick::MAX);
-        wheels.know(log.horizon()..=Tick::MAX);
-        fixes.know(log.horizon()..=Tick::MAX);
+        truths.know(log.truths.unreachable(log.end, 1));
+        wheels.know(log.wheels.unreachable(log.end, 1));
+        fixes.know(log.wheels.unreachable(log.end, 1));
     }
     report.wires.extend([truths.tally("truth"), wheels.tally("wheels"), fixes.tally("fix")]);
     report.wires.retain(|tally| tally.compared + tally.not_compared + tally.not_recorded > 0);

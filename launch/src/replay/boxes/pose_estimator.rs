@@ -25,7 +25,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
         }
     }
     if !lives.is_empty() {
-        ledger.know(log.horizon()..=Tick::MAX);
+        ledger.know(log.poses.unreachable(log.end, 1));
     }
     report.wires.push(ledger.tally("pose"));
     report

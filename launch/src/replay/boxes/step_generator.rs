@@ -32,7 +32,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
         }
     }
     if !lives.is_empty() {
-        ledger.know(log.horizon()..=Tick::MAX);
+        ledger.know(log.end + 1..=Tick::MAX);
     }
     report.wires.extend([ledger.tally("steps"), inputs]);
     report

@@ -27,7 +27,8 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
         }
     }
     if !lives.is_empty() {
-        ledger.know(log.horizon()..=Tick::MAX);
+        let period = log.first_system().map_or(1, |system| system.timing.period_ticks);
+        ledger.know(log.references.unreachable(log.end, period));
     }
     report.wires.push(ledger.tally("reference"));
     report
