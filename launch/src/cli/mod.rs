@@ -12,6 +12,7 @@ mod header;
 mod latency;
 mod operate;
 mod plan;
+mod record;
 mod reproduce;
 pub(crate) mod run;
 mod service;
@@ -138,6 +139,12 @@ enum Verb {
         Exit codes: 0 done, 1 the robot went down before all was there that was asked for, 2 wrong use."
     )]
     Topic(topic::TopicArgs),
+    /// Record every wire of a robot that is up (MCAP: Foxglove, ROS 2 tools, Python)
+    #[command(
+        after_help = "Examples:\n  hilare record --seconds 10\n  hilare record --robot epuck --out drive.mcap\n\
+        Exit codes: 0 all is recorded, 1 something is missing or the robot went down before --seconds were over, 2 wrong use."
+    )]
+    Record(record::RecordArgs),
     /// Print the block diagram the wires are built from
     #[command(
         after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
@@ -198,6 +205,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
         Some(Verb::Topic(args)) => topic::topic(&args),
+        Some(Verb::Record(args)) => record::record(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),

@@ -27,6 +27,9 @@ pub mod tape;
 pub mod wires;
 mod writer;
 
+#[cfg(test)]
+mod tests;
+
 pub use audit::{Report, WireReport};
 pub use info::RunInfo;
 pub use reader::{Recording, Timed};

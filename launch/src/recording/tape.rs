@@ -163,14 +163,11 @@ impl Tape {
         }
         let size = self.batch.size();
         let has_room = |waiting: usize| waiting == 0 || waiting + size <= self.settings.queue_bytes;
-        while self.settings.patient
-            && !has_room(self.waiting.load(Ordering::Acquire))
-            && !self.thread.is_finished()
-        {
+        while self.settings.patient && !has_room(self.waiting()) && !self.thread.is_finished() {
             thread::sleep(Duration::from_micros(200));
         }
         let batch = take(&mut self.batch);
-        let given_up = if has_room(self.waiting.load(Ordering::Acquire)) {
+        let given_up = if has_room(self.waiting()) {
             self.waiting.fetch_add(size, Ordering::Release);
             self.send(batch).err().inspect(|_| {
                 self.waiting.fetch_sub(size, Ordering::Release);
@@ -206,13 +203,18 @@ impl Tape {
         if self.last_warning.is_none_or(|last| last.elapsed() >= WARN_EVERY) {
             self.last_warning = Some(Instant::now());
             let path = self.settings.path.display();
-            let mb = self.settings.queue_bytes >> 20;
+            let mb = self.settings.queue_bytes / 1_000_000;
             warn!(
                 "{path}: the disk is too slow, {} messages are not recorded; {mb} MB of them wait (recording.queue_mb)",
                 self.dropped_since
             );
             self.dropped_since = 0;
         }
+    }
+
+    /// Bytes that wait for the disk.
+    pub fn waiting(&self) -> usize {
+        self.waiting.load(Ordering::Acquire)
     }
 
     /// Ends the recording; what is not written after `patience` is given up. What it came to.

@@ -176,11 +176,11 @@ fn write_views(
 ) -> Result<(), RecordingError> {
     let mut written = Ok(());
     let Some(entry) = Entry::decode(item.place, cdr) else { return written };
-    views.of(&entry, item.time_ns, |view, cdr| {
+    views.of(&entry, item.time_ns, |view, time_ns, cdr| {
         let sequence = sequences[view];
         sequences[view] = sequence.wrapping_add(1);
         if written.is_ok() {
-            written = part.write_view(view, sequence, item.time_ns, cdr);
+            written = part.write_view(view, sequence, time_ns, cdr);
         }
     });
     written

@@ -22,7 +22,8 @@ mod messages;
 use super::part::View;
 use super::wires::Entry;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
-use hilare_interfaces::messages::{Reference, Steps};
+use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::messages::Reference;
 use messages::{Stamp, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose};
 use std::collections::VecDeque;
 
@@ -47,8 +48,8 @@ const REFERENCE: usize = 5;
 const PATH: usize = 6;
 const DIAGNOSTICS: usize = 7;
 
-/// Twists kept for poses that come later.
-const MAX_TWISTS: usize = 4096;
+/// Twists kept for poses that come later, and the other way round; beyond, the wire of the others is silent.
+const MAX_WAITING: usize = 4096;
 
 /// Channels of the views.
 pub fn channels() -> Vec<View> {
@@ -65,8 +66,9 @@ pub struct Views {
     period_ticks: u64,
     wheels: usize,
     count_rad: f64,
-    /// Twists of the last control periods, whose poses are to come.
+    /// Twists of control periods whose poses are to come, and poses whose twists are.
     twists: VecDeque<(Tick, [f64; 3])>,
+    poses: VecDeque<(Tick, u64, WorldPose)>,
     /// Path and place of the waypoint told last, and when.
     told: Option<(u64, u64, Tick)>,
     cdr: Vec<u8>,
@@ -76,21 +78,30 @@ impl Views {
     /// Views of a robot with so many wheels, which turn by `count_rad` a count.
     pub fn new(period_ticks: u64, wheels: usize, count_rad: f64) -> Self {
         let period_ticks = period_ticks.max(1);
-        Self { period_ticks, wheels, count_rad, twists: VecDeque::new(), told: None, cdr: Vec::new() }
+        Self {
+            period_ticks,
+            wheels,
+            count_rad,
+            twists: VecDeque::new(),
+            poses: VecDeque::new(),
+            told: None,
+            cdr: Vec::new(),
+        }
     }
 
-    /// Every view of a message, as CDR, to `write`.
-    pub fn of(&mut self, entry: &Entry, time_ns: u64, mut write: impl FnMut(usize, &[u8])) {
+    /// Every view of a message, with its time, as CDR to `write`.
+    pub fn of(&mut self, entry: &Entry, time_ns: u64, mut write: impl FnMut(usize, u64, &[u8])) {
         let stamp = Stamp::of(time_ns);
         let mut cdr = std::mem::take(&mut self.cdr);
-        let mut tell = |view: usize, make: &dyn Fn(&mut Vec<u8>)| {
+        let mut tell_at = |time_ns: u64, view: usize, make: &dyn Fn(&mut Vec<u8>)| {
             cdr.clear();
             make(&mut cdr);
-            write(view, &cdr);
+            write(view, time_ns, &cdr);
         };
+        let mut tell = |view: usize, make: &dyn Fn(&mut Vec<u8>)| tell_at(time_ns, view, make);
         match entry {
             Entry::Steps(steps) if self.is_due(steps.tick) => {
-                self.keep(steps);
+                keep(&mut self.twists, (steps.tick, steps.twist));
                 tell(CMD_VEL, &|cdr| twist_stamped(cdr, stamp, steps.twist));
                 let (wheels, count_rad) = (self.wheels, self.count_rad);
                 tell(JOINT_STATES, &|cdr| joint_states(cdr, stamp, steps, wheels, count_rad));
@@ -99,8 +110,7 @@ impl Views {
                 }
             }
             Entry::Pose(pose) if self.is_due(pose.tick) => {
-                let twist = self.twist_of(pose.tick);
-                tell(ODOM, &|cdr| odometry(cdr, stamp, pose.pose(), twist));
+                keep(&mut self.poses, (pose.tick, time_ns, pose.pose()));
                 tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
             }
             Entry::Truth(truth) if self.is_due(truth.tick) => {
@@ -113,6 +123,9 @@ impl Views {
             Entry::Path(_, waypoints) => tell(PATH, &|cdr| path(cdr, stamp, waypoints)),
             _ => {}
         }
+        while let Some((time_ns, pose, twist)) = self.next_pair() {
+            tell_at(time_ns, ODOM, &|cdr| odometry(cdr, Stamp::of(time_ns), pose, twist));
+        }
         self.cdr = cdr;
     }
 
@@ -120,19 +133,21 @@ impl Views {
         tick.is_multiple_of(self.period_ticks)
     }
 
-    fn keep(&mut self, steps: &Steps) {
-        if self.twists.len() == MAX_TWISTS {
-            self.twists.pop_front();
+    /// The oldest pose whose twist has come. Wires are read one after the other, so either may come first.
+    fn next_pair(&mut self) -> Option<(u64, WorldPose, [f64; 3])> {
+        loop {
+            let ((pose_tick, time_ns, pose), (twist_tick, twist)) =
+                (*self.poses.front()?, *self.twists.front()?);
+            if twist_tick <= pose_tick {
+                self.twists.pop_front();
+            }
+            if pose_tick <= twist_tick {
+                self.poses.pop_front();
+            }
+            if pose_tick == twist_tick {
+                return Some((time_ns, pose, twist));
+            }
         }
-        self.twists.push_back((steps.tick, steps.twist));
-    }
-
-    /// The twist of a tick, or the newest before it.
-    fn twist_of(&mut self, tick: Tick) -> [f64; 3] {
-        while self.twists.get(1).is_some_and(|(next, _)| *next <= tick) {
-            self.twists.pop_front();
-        }
-        self.twists.front().map_or([0.0; 3], |(_, twist)| *twist)
     }
 
     fn is_news(&mut self, reference: &Reference) -> bool {
@@ -145,4 +160,11 @@ impl Views {
         }
         !known
     }
+}
+
+fn keep<T>(queue: &mut VecDeque<T>, message: T) {
+    if queue.len() == MAX_WAITING {
+        queue.pop_front();
+    }
+    queue.push_back(message);
 }

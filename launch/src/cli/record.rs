@@ -1,0 +1,146 @@
+//! `hilare record`: every wire of a robot that is up, into files.
+
+use super::operate::{RobotArgs, choose};
+use super::{VerbResult, print, refused};
+use crate::config::System;
+use crate::logging;
+use crate::manager::Failure;
+use crate::manager::robot_dir::living_robots;
+use crate::recording::wires::taps;
+use crate::recording::{RECORDING_FILE, Report, RunInfo, Settings, Tape};
+use crate::shell::observer::survive_the_file_size_limit;
+use crate::shell::transport::Domain;
+use crate::shell::{ClockKind, realtime};
+use clap::Args;
+use serde_json::json;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Time between two looks at the wires.
+const LOOK: Duration = Duration::from_millis(10);
+/// Time between two looks whether the robot is still up.
+const LIFE: Duration = Duration::from_millis(500);
+/// Longest recording that can be asked for, s.
+const LONGEST_S: f64 = 1e7;
+/// Where recordings go that were given no place.
+const RUNS: &str = "runs";
+
+/// Options of `hilare record`.
+#[derive(Args)]
+pub struct RecordArgs {
+    /// File, or directory to write run.mcap into [default: runs/ROBOT-recorded-N]
+    #[arg(long, value_name = "FILE.mcap|DIR")]
+    out: Option<PathBuf>,
+    /// End after so long; otherwise with Ctrl-C, or with the robot
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    #[command(flatten)]
+    robot: RobotArgs,
+}
+
+/// Records until told to end, and says what it came to.
+pub fn record(args: &RecordArgs) -> VerbResult {
+    if let Some(seconds) = args.seconds
+        && !(seconds > 0.0 && seconds <= LONGEST_S)
+    {
+        return Err(refused(format!("--seconds {seconds}: above 0 and at most {LONGEST_S} are wanted")));
+    }
+    let robot = choose(args.robot.robot.as_ref())?;
+    logging::init_worker("record");
+    let told_to_end = Arc::new(AtomicBool::new(false));
+    for signal in [libc::SIGINT, libc::SIGTERM] {
+        // So that the file gets its end, and the node is taken down in good order.
+        signal_hook::flag::register(signal, Arc::clone(&told_to_end))
+            .map_err(|e| Failure::Fault(e.to_string()))?;
+    }
+    survive_the_file_size_limit().map_err(Failure::Fault)?;
+    realtime::leave_the_control_path();
+    let dir = robot.socket.parent().unwrap_or(robot.socket.as_path());
+    let system = System::load(&dir.join(SYSTEM_FILE).to_string_lossy()).map_err(refused)?;
+    let domain = Domain::join(dir, "record").map_err(refused)?;
+    let taps = taps(&domain).map_err(refused)?;
+    let path = place(args.out.as_deref(), &robot.robot)?;
+    let info = RunInfo::new(&system, "", ClockKind::Real.name());
+    let settings = Settings::of(&system, path.clone(), false);
+    let mut tape = Tape::begin(settings, info, system.to_toml()).map_err(refused)?;
+    let until = args.seconds.map_or("Ctrl-C ends it".to_owned(), |seconds| format!("for {seconds} s"));
+    let _ = writeln!(io::stderr(), "hilare: recording {:?} into {}; {until}", robot.robot, path.display());
+
+    let (began, mut asked, mut went_down) = (Instant::now(), Instant::now(), false);
+    let enough = || args.seconds.is_some_and(|seconds| began.elapsed().as_secs_f64() >= seconds);
+    while !told_to_end.load(Ordering::Relaxed) && !enough() && !went_down {
+        if asked.elapsed() > LIFE {
+            asked = Instant::now();
+            went_down = !living_robots().contains(&robot);
+        }
+        for tap in &taps {
+            while tap.hear(&mut |heard| tape.hear(heard)) {}
+        }
+        tape.hand_over();
+        sleep(LOOK);
+    }
+    let report = tape.finish(None);
+    tell(&path, &report, args.robot.json);
+    if !report.complete {
+        return Err(Failure::Fault(format!("the recording is not complete: {}", report.why)));
+    }
+    if went_down && args.seconds.is_some() {
+        return Err(Failure::Fault(format!("robot {:?} went down", robot.robot)));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The system file in a robot's runtime directory.
+const SYSTEM_FILE: &str = "system.toml";
+
+/// The file to begin with. What is recorded already is never written over.
+fn place(out: Option<&Path>, robot: &str) -> Result<PathBuf, Failure> {
+    let file = match out {
+        Some(file) if file.extension().is_some_and(|extension| extension == "mcap") => file.to_owned(),
+        Some(dir) => dir.join(RECORDING_FILE),
+        None => {
+            let dirs = (1..).map(|n| Path::new(RUNS).join(format!("{robot}-recorded-{n}")));
+            let free = dirs.into_iter().find(|dir| !dir.exists());
+            free.unwrap_or_default().join(RECORDING_FILE)
+        }
+    };
+    if file.exists() {
+        return Err(refused(format!("{}: is there already; choose another name", file.display())));
+    }
+    if let Some(dir) = file.parent().filter(|dir| !dir.as_os_str().is_empty()) {
+        std::fs::create_dir_all(dir)
+            .map_err(|e| refused(format!("{}: {e}; choose a place you can write", dir.display())))?;
+    }
+    Ok(file)
+}
+
+fn tell(path: &Path, report: &Report, as_json: bool) {
+    if as_json {
+        let mut told = json!(report);
+        told["path"] = json!(path);
+        print(&format!("{}\n", serde_json::to_string_pretty(&told).unwrap_or_default()));
+        return;
+    }
+    let mut text = format!("{:<12} {:>10} {:>10} {:>10}\n", "wire", "messages", "missing", "given up");
+    for wire in &report.wires {
+        let given_up = wire.dropped + wire.refused;
+        let absent = if wire.absent > 0 {
+            format!("  none was sent in {} control periods", wire.absent)
+        } else {
+            String::new()
+        };
+        text.push_str(&format!(
+            "{:<12} {:>10} {:>10} {given_up:>10}{absent}\n",
+            wire.wire, wire.messages, wire.gaps
+        ));
+    }
+    let dir = path.parent().unwrap_or(Path::new(""));
+    let files: Vec<String> = report.files.iter().map(|file| dir.join(file).display().to_string()).collect();
+    text.push_str(&format!("{}: {:.1} MB\n", files.join(", "), report.bytes as f64 / 1e6));
+    print(&text);
+}
