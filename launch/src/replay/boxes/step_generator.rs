@@ -69,12 +69,16 @@ pub fn taken(log: &RunLog, entry: &Journal) -> (Result<Taken, String>, Option<Di
         }
         Some(JournalKind::Authority) => {
             let what = format!("authority {a}");
-            let numbered = || log.authorities.iter().filter(|authority| authority.seq == a);
-            match numbered().find(|authority| authority.content_hash() == b).or_else(|| numbered().next()) {
+            let all = || log.authorities.iter();
+            let numbered = || all().filter(|authority| authority.seq == a);
+            // One whose number alone is another.
+            let renumbered = || all().find(|other| Authority { seq: a, ..**other }.content_hash() == b);
+            let exactly = numbered().find(|authority| authority.content_hash() == b);
+            match exactly.or_else(|| numbered().next()).or_else(renumbered) {
                 None => (Err(lacks(what)), None),
                 Some(found) => {
                     let differs = check(&what, found.content_hash(), b);
-                    (Ok(Taken::Authority(*found)), differs)
+                    (Ok(Taken::Authority(Authority { seq: a, ..*found })), differs)
                 }
             }
         }
