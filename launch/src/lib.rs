@@ -8,6 +8,7 @@
 //! * [`look`]: a robot seen from outside.
 //! * [`operator`]: the page about a robot.
 //! * [`recording`]: what went over the wires, kept in files and read back.
+//! * [`replay`]: a recording, run again through the same code.
 //! * [`report`]: what a run came to.
 //! * [`top`]: a robot on a terminal.
 //! * [`topic`]: what the wires carry, for people.
@@ -27,6 +28,7 @@ pub mod manager;
 pub mod operator;
 mod private;
 pub mod recording;
+pub mod replay;
 pub mod report;
 pub mod reproduce;
 pub mod shell;

@@ -190,7 +190,7 @@ code_enum! {
 code_enum! {
     /// What a box noted in its journal, and what the words of the entry are.
     JournalKind {
-        /// The process is at work: incarnation; epoch; number of its system file; law of a controller, by its
+        /// The process is at work, from this tick on: incarnation; epoch; number of its system file; law of a controller, by its
         /// place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on from (0 none); place
         /// plus 1 of whose state that was.
         Began = 1, "began";
@@ -203,7 +203,7 @@ code_enum! {
         /// A path acts from the pose of this tick on: path id; goal id; number of waypoints.
         Path = 5, "path";
         /// A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0 refused;
-        /// path id.
+        /// path id; 1 if the clock or a newer goal cut the search short.
         Goal = 6, "goal";
     }
 }

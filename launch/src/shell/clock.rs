@@ -247,7 +247,7 @@ impl ClockProcess {
 }
 
 /// The authority a departing clock gives itself.
-fn last_stop() -> Authority {
+pub fn last_stop() -> Authority {
     Authority { seq: u64::MAX, mode: Mode::Stop.code(), ..Authority::ZERO }
 }
 

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tracing::warn;
 
 /// Why a goal was not planned for.
-const OVERTAKEN: &str = "overtaken by a newer goal";
+pub const OVERTAKEN: &str = "overtaken by a newer goal";
 
 /// goal, pose → path, answer.
 pub struct PlannerProcess {
@@ -32,6 +32,8 @@ pub struct PlannerProcess {
     /// The scenario's own path, or the one a predecessor left: published first of all.
     first: Option<(PathHeader, Vec<Waypoint>)>,
     kept: KeptPath,
+    /// The last search was ended by the clock or by a newer goal.
+    cut_short: bool,
     report: Report,
 }
 
@@ -59,6 +61,7 @@ impl PlannerProcess {
             deadline: Duration::from_millis(system.planner.deadline_ms),
             first,
             kept,
+            cut_short: false,
             // Path ids go up over restarts, too.
             report: Report { path_id: (incarnation - 1) << 32, ..Report::default() },
         })
@@ -83,29 +86,56 @@ impl PlannerProcess {
 
     /// Plans for a goal and publishes the path; on any failure the old path stays.
     fn answer(&mut self, worker: &Worker, header: &GoalHeader, waypoints: &[Waypoint]) -> Answer {
-        let refused = |why: &str| Answer { goal_id: header.goal_id, text: text_field(why), ..Answer::ZERO };
-        let Some(kind) = GoalKind::from_code(header.kind) else { return refused("unknown kind of goal") };
-        if header.has_heading != 0 {
-            return refused("a final heading cannot be promised yet; leave THETA away");
-        }
         let goals = &self.goal;
         let newer_goal = || {
             worker.page.give_sign_of_life(worker.assignment.slot);
             goals.waiting()
         };
-        let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal };
-        match self.navigator.path(kind, waypoints, self.robot, &mut budget) {
-            Err(_) if self.goal.waiting() => refused(OVERTAKEN),
-            Err(why) => refused(&why),
-            Ok(path) if self.publish(header.goal_id, &path) => Answer {
-                goal_id: header.goal_id,
-                accepted: 1,
-                waypoints: path.len() as u64,
-                text: text_field("accepted"),
-            },
-            Ok(_) => refused("the path could not be published; is /dev/shm full?"),
-        }
+        let mut budget = Until { start: Instant::now(), limit: self.deadline, newer_goal, over: false };
+        let found = path_for(&mut self.navigator, header, waypoints, self.robot, &mut budget);
+        self.cut_short = budget.over;
+        let found = match found {
+            Err(_) if self.goal.waiting() => Err(OVERTAKEN.to_owned()),
+            Ok(path) if !self.publish(header.goal_id, &path) => {
+                Err("the path could not be published; is /dev/shm full?".to_owned())
+            }
+            found => found,
+        };
+        answer_of(header.goal_id, &found)
     }
+}
+
+/// The path for a goal, the robot being at `robot`; or why there is none.
+pub fn path_for(
+    navigator: &mut Navigator,
+    header: &GoalHeader,
+    waypoints: &[Waypoint],
+    robot: WorldPoint,
+    budget: &mut dyn Budget,
+) -> Result<Vec<Waypoint>, String> {
+    let kind = GoalKind::from_code(header.kind).ok_or("unknown kind of goal")?;
+    if header.has_heading != 0 {
+        return Err("a final heading cannot be promised yet; leave THETA away".to_owned());
+    }
+    navigator.path(kind, waypoints, robot, budget)
+}
+
+/// What is answered to a goal for which this was found.
+pub fn answer_of(goal_id: u64, found: &Result<Vec<Waypoint>, String>) -> Answer {
+    match found {
+        Ok(path) => Answer {
+            goal_id,
+            accepted: 1,
+            waypoints: path.len() as u64,
+            text: text_field("accepted"),
+        },
+        Err(why) => Answer { goal_id, text: text_field(why), ..Answer::ZERO },
+    }
+}
+
+/// As many waypoints of a goal as are looked at: one more than there may be, so that too many are refused as such.
+pub fn first_of(waypoints: &[Waypoint]) -> &[Waypoint] {
+    &waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)]
 }
 
 impl Reactive for PlannerProcess {
@@ -120,9 +150,7 @@ impl Reactive for PlannerProcess {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;
         }
-        // One more than there may be, so that too many are refused as such.
-        let copied = |waypoints: &[Waypoint]| waypoints[..waypoints.len().min(MAX_WAYPOINTS + 1)].to_vec();
-        let next_goal = || self.goal.next(|header, waypoints| (*header, copied(waypoints)));
+        let next_goal = || self.goal.next(|header, waypoints| (*header, first_of(waypoints).to_vec()));
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
             let text = text_field(OVERTAKEN);
@@ -130,7 +158,8 @@ impl Reactive for PlannerProcess {
             goal = newer;
         }
         let answer = self.answer(worker, &goal.0, &goal.1);
-        let words = [answer.goal_id, answer.accepted, self.report.path_id];
+        let cut_short = u64::from(std::mem::take(&mut self.cut_short));
+        let words = [answer.goal_id, answer.accepted, self.report.path_id, cut_short];
         worker.journal(self.report.tick, JournalKind::Goal, &words);
         self.answer.send(&answer);
         worker.page.announce(News::Path);
@@ -210,10 +239,13 @@ struct Until<F> {
     start: Instant,
     limit: Duration,
     newer_goal: F,
+    /// It has ended something.
+    over: bool,
 }
 
 impl<F: Fn() -> bool> Budget for Until<F> {
     fn exhausted(&mut self) -> bool {
-        (!self.limit.is_zero() && self.start.elapsed() >= self.limit) || (self.newer_goal)()
+        self.over |= (!self.limit.is_zero() && self.start.elapsed() >= self.limit) || (self.newer_goal)();
+        self.over
     }
 }

@@ -1,6 +1,7 @@
 //! A controller's process.
 
 use super::is_new;
+use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::page::MAX_WAIT;
@@ -39,15 +40,20 @@ const STALE_TICKS: Tick = 100;
 /// How long a reference whose pose is not there yet is slept on: the pose wakes nobody here.
 const APART: Duration = Duration::from_micros(50);
 
+/// What must agree for a controller to go on from the state of another.
+pub fn state_key(system: &System, law: &LawSpec) -> u64 {
+    let setup = (law.name, format!("{:?}", system.controller.values_of(law.name)));
+    key_of((Role::Controller, setup, system.acceptance().name()))
+}
+
 impl ControllerProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
         let identity = Identity { source: worker.assignment.slot as u64 + 1, epoch: worker.assignment.epoch };
         let named = worker.assignment.law.as_deref().and_then(hilare_controller::law);
         let law = named.unwrap_or(worker.system.controller.law);
-        let setup = (law.name, format!("{:?}", worker.system.controller.values_of(law.name)));
         Ok(Self {
-            key: key_of((Role::Controller, setup, worker.system.acceptance().name())),
+            key: state_key(&worker.system, law),
             period_ticks: worker.system.timing.period_ticks,
             done: None,
             began_with: None,

@@ -1,6 +1,6 @@
 //! Which messages each box is stepped with, and what becomes of its answer.
 
-mod controller;
+pub mod controller;
 mod plant;
 mod pose_estimator;
 mod waypoint_selector;

@@ -33,7 +33,6 @@ impl PlantProcess {
     /// Opens its ports.
     pub fn new(worker: &Worker) -> Result<Self, String> {
         let domain = &worker.domain;
-        worker.journal_began(0, None);
         let sensors = match worker.system.reads_sensors() {
             true => Some((domain.output(&wires::WHEELS)?, domain.output(&wires::FIX)?)),
             false => None,
@@ -57,6 +56,9 @@ impl Reactive for PlantProcess {
             // A successor of the step generator repeats what its predecessor said last.
             if !is_new(self.done, steps.tick) {
                 continue;
+            }
+            if self.done.is_none() {
+                worker.journal_began(steps.tick, None);
             }
             self.done = Some(steps.tick);
             worker.note_taken(Role::StepGenerator, steps.tick);

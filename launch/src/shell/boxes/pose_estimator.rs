@@ -17,6 +17,7 @@ use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
 use std::iter;
 
 /// The box, and the poses it told last.
+#[derive(Clone)]
 pub struct Reckoner {
     /// The box.
     pub estimator: PoseEstimator,
@@ -137,7 +138,9 @@ impl EstimatorProcess {
         let (steps, wheels) = pairing.next(&mut new_steps, || wheels.next())?;
         worker.note_taken(Role::Plant, steps.tick);
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
-        let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, || fix.next()) };
+        // Those of the wire's history that a predecessor has used are in the state it left.
+        let mut new_fixes = || iter::from_fn(|| fix.next()).find(|fix| is_new(done, fix.tick));
+        let inputs = EstimatorInputs { counts, fixes: fixes.due(steps.tick, &mut new_fixes) };
         let pose = self.reckoner.step(steps.tick, inputs);
         self.report.rejected = pairing.lost() + self.reckoner.estimator.refused();
         Some(pose)

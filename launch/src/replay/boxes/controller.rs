@@ -1,0 +1,191 @@
+//! Every controller process, in charge, standing by or on trial, with the reference and the pose of each of its commands.
+
+use super::BoxReport;
+use crate::replay::fields::{Difference, same};
+use crate::replay::ledger::Ledger;
+use crate::replay::lives::Life;
+use crate::replay::log::RunLog;
+use crate::replay::states::{States, rebuilt};
+use crate::shell::boxes::controller::state_key;
+use crate::shell::build;
+use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{Command, JournalKind, Reference};
+use hilare_interfaces::wires::Role;
+use std::collections::BTreeSet;
+
+/// Source and epoch of a process.
+pub fn identity(life: &Life) -> (u64, u64) {
+    (life.slot + 1, life.epoch)
+}
+
+/// Replays every process, those first whose state others went on from.
+pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> Vec<BoxReport> {
+    let mut reports = Vec::new();
+    let mut waiting = log.lives.of_role(Role::Controller);
+    let mut ours = BTreeSet::new();
+    while !waiting.is_empty() {
+        let place = waiting.iter().position(|life| !waits_for_another(life, &waiting)).unwrap_or(0);
+        let life = waiting.remove(place);
+        ours.insert(identity(life));
+        reports.push(((life.tick, identity(life)), replay_life(log, life, states, measures)));
+    }
+    for (writer, commands) in &log.commands {
+        if !ours.contains(writer) {
+            let first = commands.first().map_or(0, |command| command.pose_tick);
+            reports.push(((first, *writer), taken_as_given(*writer, commands, log)));
+        }
+    }
+    reports.sort_by_key(|(order, _)| *order);
+    reports.into_iter().map(|(_, report)| report).collect()
+}
+
+/// True if it went on from the state of a process that has not been replayed.
+fn waits_for_another(life: &Life, waiting: &[&Life]) -> bool {
+    let Some((slot, tick)) = life.state else { return false };
+    let before = |other: &&Life| {
+        other.slot == slot
+            && other.tick <= tick
+            && (other.slot != life.slot || other.incarnation < life.incarnation)
+    };
+    waiting.iter().any(|other| before(other))
+}
+
+/// A program that is not ours, or a process of which the recording lacks the beginning.
+fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> BoxReport {
+    let mut report = BoxReport::new(Role::Controller);
+    report.name = format!("controller {}.{}", writer.0, writer.1);
+    let mut tally = Ledger::new(commands, false).tally("command");
+    let heard = log.lives.all.iter().flat_map(|life| &life.entries).any(|entry| {
+        entry.kind == JournalKind::Command.code() && (entry.words[0], entry.words[1]) == writer
+    });
+    let whole = log.lives.of_role(Role::StepGenerator).iter().any(|life| !life.broken);
+    let note = if heard || !whole {
+        match log.lives.earlier.get(&writer.0.wrapping_sub(1)) {
+            Some(Role::Controller) => "at work before the recording began: its commands are taken as given",
+            _ => "a program that is not hilare's: its commands are taken as given",
+        }
+    } else {
+        (tally.differing, tally.compared, tally.not_compared) = (tally.not_compared, tally.not_compared, 0);
+        let tick = commands.first().map_or(0, |command| command.pose_tick);
+        let name = format!("{}.{}", writer.0, writer.1);
+        tally.first = Some(Difference::of_words(tick, "source, epoch", name, "no command of such a controller"));
+        "the step generator never heard of it"
+    };
+    report.notes.push(note.to_owned());
+    report.wires.push(tally);
+    report
+}
+
+/// A controller of a process, at its beginning.
+pub fn begin(log: &RunLog, life: &Life) -> Result<(Controller, &'static LawSpec, u64), String> {
+    let system = log.system(life)?;
+    let law = life.law.ok_or("it has a law that this hilare does not know")?;
+    let (source, epoch) = identity(life);
+    let controller = build::controller(system, law, Identity { source, epoch })?;
+    Ok((controller, law, state_key(system, law)))
+}
+
+fn replay_life(log: &RunLog, life: &Life, states: &mut States, measures: bool) -> BoxReport {
+    let writer = identity(life);
+    let commands = log.commands.get(&writer).map_or(&[][..], Vec::as_slice);
+    let mut report = BoxReport::new(Role::Controller);
+    let law = life.law.map_or("?", |law| law.name);
+    report.name = format!("controller {}.{} {law}", writer.0, writer.1);
+    let mut ledger = Ledger::new(commands, measures);
+    if let Err(why) = replay_commands(log, life, commands, states, &mut ledger) {
+        report.notes.push(why);
+    }
+    report.wires.push(ledger.tally("command"));
+    report
+}
+
+fn replay_commands(
+    log: &RunLog,
+    life: &Life,
+    commands: &[Command],
+    states: &mut States,
+    ledger: &mut Ledger<'_, Command>,
+) -> Result<(), String> {
+    let (mut controller, _, key) = begin(log, life)?;
+    if let Some(from) = life.state {
+        states.load(from, key, &mut controller)?;
+    }
+    let mut last = life.done();
+    let mut number = 0;
+    for (place, recorded) in commands.iter().enumerate() {
+        let tick = answered(log, recorded, last, number)?;
+        // Commands the recording has lost: as many as there were references meanwhile.
+        let between = match last {
+            Some(_) => log.references.ticks(last, tick.saturating_sub(1)),
+            None => Vec::new(),
+        };
+        let lost = recorded.seq.wrapping_sub(number).wrapping_sub(1);
+        if lost > 0 && lost == between.len() as u64 {
+            for tick in between {
+                let command = answer(log, life, &mut controller, tick, None)?;
+                ledger.make(0..0, &command);
+                states.keep(life.slot, tick, key, &mut controller);
+            }
+        }
+        let command = answer(log, life, &mut controller, tick, Some(recorded))?;
+        ledger.make(place..place + 1, &command);
+        states.keep(life.slot, tick, key, &mut controller);
+        (last, number) = (Some(tick), command.seq);
+    }
+    Ok(())
+}
+
+/// The tick a command answers: its own, unless that can be none; then the next after the last.
+fn answered(log: &RunLog, recorded: &Command, last: Option<Tick>, number: u64) -> Result<Tick, String> {
+    let tick = recorded.pose_tick;
+    let period = log.first_system().map_or(1, |system| system.timing.period_ticks);
+    let odd =
+        !tick.is_multiple_of(period) || tick > log.horizon() || last.is_some_and(|last| tick <= last);
+    let answered = match last {
+        Some(last) if odd && recorded.seq == number.wrapping_add(1) => {
+            log.references.between(Some(last), log.end).first().map(|reference| reference.tick)
+        }
+        _ => log.references.first(tick).map(|reference| reference.tick),
+    };
+    answered.ok_or_else(|| format!("the reference of tick {tick} is missing in the recording"))
+}
+
+/// Answers a tick. Where a successor of the waypoint selector has said something else of it than its predecessor, the
+/// controller has had one of both: that which leads to the recorded command.
+fn answer(
+    log: &RunLog,
+    life: &Life,
+    controller: &mut Controller,
+    tick: Tick,
+    recorded: Option<&Command>,
+) -> Result<Command, String> {
+    let missing = |wire: &str| format!("the {wire} of tick {tick} is missing in the recording");
+    let pose = log.poses.first(tick).ok_or_else(|| missing("pose"))?;
+    let references = variants(log.references.at(tick));
+    let mut reference = *references.first().ok_or_else(|| missing("reference"))?;
+    if let (Some(recorded), 2..) = (recorded, references.len()) {
+        for other in references {
+            let (mut trial, ..) = begin(log, life)?;
+            trial = rebuilt(controller, trial)?;
+            let command = trial.step(tick, ControllerInputs { reference: other, pose });
+            // Numbers are the process's own.
+            if same(&Command { seq: recorded.seq, ..command }, recorded) {
+                reference = other;
+                break;
+            }
+        }
+    }
+    Ok(controller.step(tick, ControllerInputs { reference, pose }))
+}
+
+/// Messages of one tick that say different things.
+fn variants(at: &[Reference]) -> Vec<&Reference> {
+    let mut variants: Vec<&Reference> = Vec::new();
+    for reference in at {
+        if !variants.iter().any(|known| same(*known, reference)) {
+            variants.push(reference);
+        }
+    }
+    variants
+}

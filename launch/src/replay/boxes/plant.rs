@@ -1,0 +1,81 @@
+//! The simulated robot, from its seed, with the steps of each tick.
+
+use super::BoxReport;
+use crate::replay::ledger::Ledger;
+use crate::replay::log::RunLog;
+use crate::replay::walk::{Walker, rising, walk};
+use crate::shell::build;
+use hilare_interfaces::block::{Block, Tick};
+use hilare_interfaces::messages::{PoseFix, Truth, Wheels};
+use hilare_interfaces::wires::Role;
+use hilare_plant::{Observed, Plant};
+
+/// Ticks a successor may be behind what its predecessor has told: those the wire keeps for it.
+const BEHIND: Tick = 2_000;
+
+/// Replays every process of it.
+pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
+    let mut report = BoxReport::new(Role::Plant);
+    let mut truths = Ledger::new(log.truths.all(), measures);
+    let mut wheels: Ledger<'_, Wheels> = Ledger::new(log.wheels.all(), measures);
+    let mut fixes: Ledger<'_, PoseFix> = Ledger::new(log.fixes.all(), measures);
+    let lives = log.lives.of_role(Role::Plant);
+    for (n, life) in lives.iter().enumerate() {
+        let to = lives.get(n + 1).map_or(log.end, |next| (next.tick + BEHIND).min(log.end));
+        let mut replay_life = || -> Result<(), String> {
+            let system = log.system(life)?;
+            let sensors = system.reads_sensors();
+            let mut walker = Simulating { log, plant: build::plant(system)?, seen: Vec::new() };
+            let before = life.tick.checked_sub(1);
+            let ticks = rising([log.truths.ticks(before, to), log.wheels.ticks(before, to)].concat());
+            walk(&mut walker, life.tick, 1, &ticks, &log.truths, |truth, walker| {
+                let tick = truth.tick;
+                truths.make(log.truths.places(tick), truth);
+                let seen = walker.seen.iter().find(|seen| sensors && seen.truth.tick == tick).copied();
+                walker.seen.retain(|seen| seen.truth.tick > tick);
+                if let Some(seen) = seen {
+                    wheels.make(log.wheels.places(tick), &seen.wheels);
+                    if let Some(fix) = &seen.fix {
+                        fixes.make(log.fixes.places(fix.tick), fix);
+                    }
+                }
+            })
+        };
+        match replay_life() {
+            Ok(()) => {
+                let known = life.tick..=to;
+                truths.know(known.clone());
+                wheels.know(known.clone());
+                fixes.know(known);
+            }
+            Err(why) => report.note(life, &why),
+        }
+    }
+    if !lives.is_empty() {
+        truths.know(log.truths.unreachable(log.end, 1));
+        wheels.know(log.wheels.unreachable(log.end, 1));
+        fixes.know(log.wheels.unreachable(log.end, 1));
+    }
+    report.wires.extend([truths.tally("truth"), wheels.tally("wheels"), fixes.tally("fix")]);
+    report.wires.retain(|tally| tally.compared + tally.not_compared + tally.not_recorded > 0);
+    report
+}
+
+#[derive(Clone)]
+struct Simulating<'l> {
+    log: &'l RunLog,
+    plant: Plant,
+    seen: Vec<Observed>,
+}
+
+impl Walker for Simulating<'_> {
+    type Answer = Truth;
+
+    fn step(&mut self, tick: Tick) -> Result<Truth, String> {
+        let missing = || format!("the steps of tick {tick} are missing in the recording");
+        let steps = self.log.steps.first(tick).ok_or_else(missing)?;
+        let observed = self.plant.step(tick, steps);
+        self.seen.push(observed);
+        Ok(observed.truth)
+    }
+}

@@ -1,0 +1,64 @@
+//! A recording, read into a [`RunLog`].
+
+use super::log::{Messages, RunLog, Title};
+use crate::config::System;
+use crate::recording::{Entry, Heard, Recording};
+use crate::shell::ClockKind;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Takes in what was recorded, message by message.
+#[derive(Default)]
+pub struct Collector {
+    messages: Messages,
+}
+
+impl Collector {
+    /// A message came.
+    pub fn hear(&mut self, heard: Heard<'_>) {
+        let messages = &mut self.messages;
+        match heard {
+            Heard::Path(header, waypoints) => messages.paths.push((*header, waypoints.to_vec())),
+            Heard::Authority(authority) => messages.authorities.push(*authority),
+            Heard::Steps(steps) => messages.steps.push(*steps),
+            Heard::Wheels(wheels) => messages.wheels.push(*wheels),
+            Heard::Fix(fix) => messages.fixes.push(*fix),
+            Heard::Pose(pose) => messages.poses.push(*pose),
+            Heard::Truth(truth) => messages.truths.push(*truth),
+            Heard::Reference(reference) => messages.references.push(*reference),
+            Heard::Command(command) => messages.commands.push(*command),
+        }
+    }
+
+    /// All of them.
+    pub fn into_messages(self) -> Messages {
+        self.messages
+    }
+}
+
+/// Reads a run's directory, or a file of a recording; the second is what is to be said of it. An error is one line.
+pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
+    let recording = Recording::open(path).map_err(|error| error.to_string())?;
+    let info = recording.info();
+    let mut notes = Vec::new();
+    if let Some(file) = recording.truncated() {
+        notes.push(format!("{} has no end: what came after its last whole chunk is lost", file.display()));
+    }
+    let mut collector = Collector::default();
+    for timed in recording.entries() {
+        let timed: Entry = timed.map_err(|error| error.to_string())?.entry;
+        collector.hear(timed.heard());
+    }
+    let mut systems = BTreeMap::new();
+    if let Some(text) = recording.system() {
+        let origin = format!("{}: system.toml", path.display());
+        systems.insert(1, System::parse(&origin, text).map_err(|error| error.to_string())?);
+    }
+    let clock: ClockKind = info.clock.parse().map_err(|why| format!("{}: {why}", path.display()))?;
+    let name = [&*info.scenario, &*info.controller, &*info.clock]
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .collect::<Vec<_>>()
+        .join(", ");
+    Ok((RunLog::new(Title { name, clock }, systems, collector.into_messages()), notes))
+}

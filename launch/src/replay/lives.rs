@@ -1,0 +1,166 @@
+//! The processes of a run, from the journals of their places.
+
+use hilare_controller::{LAWS, LawSpec};
+use hilare_interfaces::block::Tick;
+use hilare_interfaces::messages::{Journal, JournalKind};
+use hilare_interfaces::wires::Role;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A process, from the entry that says it is at work to that of its successor in the same place.
+#[derive(Clone)]
+pub struct Life {
+    /// Its place in the system.
+    pub slot: u64,
+    /// Its box.
+    pub role: Role,
+    /// 1 for the first process of its place.
+    pub incarnation: u64,
+    /// Authority epoch (controllers).
+    pub epoch: u64,
+    /// Number of its system file.
+    pub system: u64,
+    /// Control law (controllers).
+    pub law: Option<&'static LawSpec>,
+    /// Tick at which it began.
+    pub tick: Tick,
+    /// The state it went on from: whose, by the place, and of which tick.
+    pub state: Option<(u64, Tick)>,
+    /// What it took from outside, in order.
+    pub entries: Vec<Journal>,
+    /// An entry is missing after those.
+    pub broken: bool,
+}
+
+/// All processes of a run.
+#[derive(Clone, Default)]
+pub struct Lives {
+    /// By place, then in order.
+    pub all: Vec<Life>,
+    /// Boxes that were at work before the recording began, by their place.
+    pub earlier: BTreeMap<u64, Role>,
+}
+
+impl Lives {
+    /// From the entries of all places.
+    pub fn of(journal: &[Journal]) -> Self {
+        let mut places: BTreeMap<u64, BTreeMap<u64, &Journal>> = BTreeMap::new();
+        for entry in journal {
+            places.entry(entry.slot).or_default().entry(entry.seq).or_insert(entry);
+        }
+        let mut lives = Self::default();
+        for (slot, entries) in places {
+            lives.add_place(slot, entries.into_values());
+        }
+        lives
+    }
+
+    fn add_place<'j>(&mut self, slot: u64, entries: impl Iterator<Item = &'j Journal>) {
+        let mut next = None;
+        let mut life: Option<Life> = None;
+        for entry in entries {
+            let Some(role) = Role::from_code(entry.role) else { continue };
+            if next.is_some_and(|next| next != entry.seq)
+                && let Some(life) = &mut life
+            {
+                life.broken = true;
+            }
+            next = Some(entry.seq + 1);
+            if entry.kind == JournalKind::Began.code() {
+                self.all.extend(life.take());
+                life = Some(Life::began(entry, role));
+            } else if let Some(life) = &mut life {
+                if !life.broken {
+                    life.entries.push(*entry);
+                }
+            } else {
+                self.earlier.insert(slot, role);
+            }
+        }
+        self.all.extend(life);
+    }
+
+    /// Those of a box.
+    pub fn of_role(&self, role: Role) -> Vec<&Life> {
+        self.all.iter().filter(|life| life.role == role).collect()
+    }
+
+    /// The states that some process went on from: place and tick.
+    pub fn wanted_states(&self) -> BTreeSet<(u64, Tick)> {
+        self.all.iter().filter_map(|life| life.state).collect()
+    }
+}
+
+impl Life {
+    fn began(entry: &Journal, role: Role) -> Self {
+        let [incarnation, epoch, system, law, saved, whose] = entry.words;
+        let law = law.checked_sub(1).and_then(|place| LAWS.get(place as usize));
+        Self {
+            slot: entry.slot,
+            role,
+            incarnation,
+            epoch,
+            system,
+            law,
+            tick: entry.tick,
+            state: whose.checked_sub(1).zip(saved.checked_sub(1)),
+            entries: Vec::new(),
+            broken: false,
+        }
+    }
+
+    /// The tick of the state it went on from: what it has answered, or rather its predecessor.
+    pub fn done(&self) -> Option<Tick> {
+        self.state.map(|(_, tick)| tick)
+    }
+
+    /// For people: nothing for the first of its place.
+    pub fn name(&self) -> String {
+        match self.incarnation {
+            1 => self.role.name().to_owned(),
+            n => format!("{} (process {n})", self.role.name()),
+        }
+    }
+}
+
+/// Ticks a process may have answered beyond the state its successor went on from: what it told last it may not have
+/// remembered any more.
+const UNREMEMBERED: Tick = 2;
+
+/// The last tick the process `n` of a place can have answered.
+pub fn last_tick(lives: &[&Life], n: usize, stride: u64, end: Tick) -> Tick {
+    let next = lives.get(n + 1).and_then(|next| next.done());
+    next.map_or(end, |done| done.saturating_add(UNREMEMBERED * stride).min(end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hilare_interfaces::layout::WireField;
+
+    fn entry(slot: u64, seq: u64, kind: JournalKind, words: [u64; 6]) -> Journal {
+        let role = Role::StepGenerator.code();
+        Journal { slot, role, seq, tick: seq * 10, kind: kind.code(), words }
+    }
+
+    #[test]
+    fn a_place_has_one_process_after_the_other() {
+        let journal = [
+            entry(1, 4, JournalKind::Began, [2, 7, 1, 0, 41, 2]),
+            entry(1, 0, JournalKind::Began, [1, 3, 1, 1, 0, 0]),
+            entry(1, 1, JournalKind::Pause, [5, 0, 0, 0, 0, 0]),
+            entry(1, 1, JournalKind::Pause, [5, 0, 0, 0, 0, 0]),
+            entry(1, 3, JournalKind::Pause, [6, 0, 0, 0, 0, 0]),
+            entry(2, 9, JournalKind::Pause, [1, 0, 0, 0, 0, 0]),
+            Journal { role: 99, ..Journal::ZERO },
+        ];
+        let lives = Lives::of(&journal);
+        let [first, second] = &lives.all[..] else { panic!("{}", lives.all.len()) };
+        assert_eq!((first.epoch, first.entries.len(), first.broken, first.state), (3, 1, true, None));
+        assert_eq!(first.law.map(|law| law.name), Some(LAWS[0].name));
+        assert_eq!((second.incarnation, second.broken, second.state), (2, false, Some((1, 40))));
+        assert_eq!(lives.wanted_states().into_iter().collect::<Vec<_>>(), [(1, 40)]);
+        assert_eq!(lives.earlier.keys().collect::<Vec<_>>(), [&2]);
+        assert_eq!(last_tick(&[first, second], 0, 5, 1000), 50);
+        assert_eq!(last_tick(&[first, second], 1, 5, 1000), 1000);
+    }
+}

@@ -1,0 +1,65 @@
+//! A recording, run again through the same code.
+//!
+//! ```text
+//! recording ──▶ RunLog (messages by wire and tick, processes by place) ──▶ each box, stepped as its process was
+//!                                                                              └─▶ compared bit for bit: BoxReport
+//! ```
+//!
+//! * [`collect`]: a recording read.
+//! * [`log`], [`lives`], [`states`]: what was recorded, which processes there were, what successors went on from.
+//! * [`boxes`]: which inputs each box took and when; [`walk`]: ticks that were not answered, or not recorded.
+//! * [`ledger`], [`fields`]: recorded and replayed messages compared, and where they differ.
+//! * [`in_process`]: what the journal of a run in one thread would say.
+//!
+//! A box with changed parameters, or a changed law, is replayed alike: what comes out is what it would have answered to
+//! the same inputs. A box whose parameters change at a tick is [`states::rebuilt`] there, its state kept.
+
+pub mod boxes;
+pub mod collect;
+pub mod fields;
+pub mod in_process;
+pub mod ledger;
+pub mod lives;
+pub mod log;
+pub mod states;
+pub mod walk;
+
+use boxes::BoxReport;
+use hilare_interfaces::wires::Role;
+use log::RunLog;
+use states::States;
+
+/// Boxes that can be replayed, in the diagram's order.
+pub const BOXES: [Role; 6] = [
+    Role::Planner,
+    Role::WaypointSelector,
+    Role::Controller,
+    Role::StepGenerator,
+    Role::PoseEstimator,
+    Role::Plant,
+];
+
+/// Feeds boxes what was recorded and compares what they answer. `measures`: also how far numbers are off.
+pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
+    let mut states = States::new(&log.lives);
+    let mut reports = Vec::new();
+    for role in BOXES.into_iter().filter(|role| boxes.contains(role)) {
+        let mut report = match role {
+            Role::Planner => vec![boxes::planner::replay(log)],
+            Role::WaypointSelector => vec![boxes::waypoint_selector::replay(log, &mut states, measures)],
+            Role::Controller => boxes::controller::replay(log, &mut states, measures),
+            Role::StepGenerator => vec![boxes::step_generator::replay(log, &mut states, measures)],
+            Role::PoseEstimator => vec![boxes::pose_estimator::replay(log, &mut states, measures)],
+            _ => vec![boxes::plant::replay(log, measures)],
+        };
+        if role != Role::Controller && log.lives.earlier.values().any(|earlier| *earlier == role) {
+            let note = "at work before the recording began: what it was then is not known, and not compared";
+            report[0].notes.push(note.to_owned());
+        }
+        reports.append(&mut report);
+    }
+    reports
+}
+
+#[cfg(test)]
+mod tests;

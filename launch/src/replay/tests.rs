@@ -1,0 +1,167 @@
+//! Replays of runs in one thread; those of processes are in tests/replay.rs.
+
+use super::boxes::BoxReport;
+use super::collect::Collector;
+use super::in_process::journal;
+use super::log::{Messages, RunLog, Title};
+use super::{BOXES, replay};
+use crate::config::{Scenario, System, Task};
+use crate::shell::ClockKind;
+use crate::shell::in_process::InProcess;
+use hilare_interfaces::layout::WireMessage;
+use std::collections::BTreeMap;
+
+/// A run in one thread as a recording has it.
+pub fn recorded(scenario: &str, set: &[&str], ticks: u64) -> (System, Messages) {
+    let mut scenario = Scenario::load(scenario).expect("built in");
+    scenario.system.set_all(set).expect("known keys");
+    let Task::Follow(waypoints) = &scenario.task else { panic!("it has no path of its own") };
+    let mut robot = InProcess::new(&scenario.system, waypoints).expect("a robot");
+    let mut collector = Collector::default();
+    robot.run_heard(ticks, |heard| collector.hear(heard));
+    (scenario.system, collector.into_messages())
+}
+
+/// The same, sorted.
+pub fn log_of(system: &System, messages: Messages) -> RunLog {
+    let title = Title { name: "a run".to_owned(), clock: ClockKind::InProcess };
+    RunLog::new(title, BTreeMap::from([(1, system.clone())]), messages)
+}
+
+fn differing(reports: &[BoxReport]) -> Vec<String> {
+    let tallies = reports.iter().flat_map(|report| {
+        let named = move |tally: &super::ledger::Tally| {
+            let first = tally.first.as_ref().map_or(String::new(), |first| first.in_words());
+            (tally.differing > 0).then(|| format!("{} {}: {first}", report.name, tally.wire))
+        };
+        report.wires.iter().filter_map(named)
+    });
+    tallies.collect()
+}
+
+#[test]
+fn every_kind_of_robot_replays_to_its_own_bits() {
+    let runs: [(&str, &[&str]); 5] = [
+        ("rectangle", &["plant.slip_sd=0.05"]),
+        ("rectangle", &["controller.law=qp"]),
+        ("line-21deg", &[]),
+        ("agv-low", &[]),
+        ("line-21deg", &["estimator.kind=ekf"]),
+    ];
+    for (scenario, set) in runs {
+        let (system, messages) = recorded(scenario, set, 8_000);
+        let count = messages.steps.len()
+            + messages.poses.len()
+            + messages.truths.len()
+            + messages.references.len()
+            + messages.commands.len()
+            + messages.wheels.len()
+            + messages.fixes.len();
+        let reports = replay(&log_of(&system, messages), &BOXES, false);
+        assert_eq!(differing(&reports), [] as [&str; 0], "{scenario} {set:?}");
+        let compared: u64 = reports
+            .iter()
+            .flat_map(|report| &report.wires)
+            .filter(|tally| tally.wire != "taken in")
+            .map(|tally| tally.compared)
+            .sum();
+        assert_eq!(compared, count as u64, "{scenario} {set:?}: {reports:#?}");
+        assert!(reports.iter().all(|report| report.notes.is_empty()), "{reports:#?}");
+    }
+}
+
+/// Flips a bit of a message.
+fn flip<M: WireMessage>(message: &mut M, bit: usize) {
+    let mut bytes = message.as_bytes().to_vec();
+    bytes[bit / 8] ^= 1 << (bit % 8);
+    *message = M::from_bytes(&bytes).expect("as many bytes");
+}
+
+/// Every bit of some messages of a wire: flipped, it is found, at its tick or before, never passed over.
+fn each_flip<M: WireMessage>(
+    scenario: &str,
+    set: &[&str],
+    of: impl Fn(&mut Messages) -> &mut Vec<M>,
+    wire: &str,
+    places: &[usize],
+    step: usize,
+) {
+    let (system, messages) = recorded(scenario, set, 400);
+    for place in places {
+        for bit in (0..size_of::<M>() * 8).step_by(step) {
+            let mut other = messages.clone();
+            other.journal = journal(Some(&system), &messages);
+            flip(&mut of(&mut other)[*place], bit);
+            let wire_now = of(&mut other);
+            // A robot that has not moved is where it was a tick before: the same message twice is no lie.
+            let twice = wire_now.iter().filter(|known| known.as_bytes() == wire_now[*place].as_bytes()).count();
+            if twice > 1 {
+                continue;
+            }
+            let reports = replay(&log_of(&system, other), &BOXES, false);
+            let found = differing(&reports);
+            assert!(!found.is_empty(), "{wire} {place} bit {bit}: {reports:#?}");
+            let named = found.iter().any(|line| line.split(':').next().is_some_and(|who| who.ends_with(wire)));
+            assert!(named, "{wire} {place} bit {bit}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_of_any_wire_is_found_and_named() {
+    each_flip("rectangle", &[], |m| &mut m.steps, "steps", &[0, 123, 399], 37);
+    each_flip("rectangle", &[], |m| &mut m.poses, "pose", &[123, 200], 7);
+    each_flip("rectangle", &[], |m| &mut m.truths, "truth", &[123, 300], 7);
+    each_flip("rectangle", &[], |m| &mut m.references, "reference", &[20, 41], 301);
+    each_flip("rectangle", &[], |m| &mut m.commands, "command", &[20, 41], 7);
+    each_flip("line-21deg", &[], |m| &mut m.wheels, "wheels", &[123], 7);
+    each_flip("line-21deg", &["estimator.kind=ekf"], |m| &mut m.fixes, "fix", &[2], 7);
+    each_flip("rectangle", &[], |m| &mut m.authorities, "taken in", &[0], 5);
+}
+
+#[test]
+fn another_parameter_or_law_is_another_run() {
+    let (system, messages) = recorded("rectangle", &[], 3_000);
+    let log = log_of(&system, messages);
+    let changes = [
+        ("tracking.speed_mps=0.03", "waypoint_selector"),
+        ("controller.kanayama.k1_per_s=4", "controller"),
+        ("limits.v_max_mps=0.03", "step_generator"),
+        ("start.x_m=0.1", "pose_estimator"),
+        ("plant.slip_sd=0.02", "plant"),
+    ];
+    for (change, changed) in changes {
+        let other = log.changed(&[change.to_owned()], None).expect("a key");
+        let found = differing(&replay(&other, &BOXES, true));
+        assert!(found.iter().any(|line| line.starts_with(changed)), "{change}: {found:?}");
+    }
+    let law = hilare_controller::law("stanley");
+    let other = log.changed(&[], law).expect("a law");
+    let reports = replay(&other, &BOXES, true);
+    let controller = reports.iter().find(|report| report.name.contains("stanley")).expect("it");
+    assert!(controller.differing() > 100 && controller.wires[0].deviations.iter().any(|d| d.rms > 0.0));
+}
+
+#[test]
+fn what_the_recording_lacks_is_not_a_difference() {
+    let (system, messages) = recorded("rectangle", &[], 2_000);
+    type Lose = fn(&mut Messages);
+    let losses: [(&str, Lose); 6] = [
+        ("steps", |m| drop(m.steps.drain(500..520))),
+        ("poses", |m| drop(m.poses.drain(500..520))),
+        ("truths", |m| drop(m.truths.drain(500..520))),
+        ("references", |m| drop(m.references.drain(100..103))),
+        ("commands", |m| drop(m.commands.drain(100..103))),
+        ("the end", |m| drop((m.steps.truncate(1000), m.commands.truncate(150)))),
+    ];
+    for (what, lose) in losses {
+        let mut other = messages.clone();
+        // The journal is noted, whatever is lost.
+        other.journal = journal(Some(&system), &messages);
+        lose(&mut other);
+        let reports = replay(&log_of(&system, other), &BOXES, false);
+        assert_eq!(differing(&reports), [] as [&str; 0], "{what}");
+        let compared: u64 = reports.iter().map(BoxReport::compared).sum();
+        assert!(compared > 3_000, "{what}: {compared}");
+    }
+}
