@@ -74,7 +74,7 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "[realtime]\ncpu = 1",
             "2: unknown key \"cpu\" in [realtime]; only sections stand there: planner, waypoint_selector, \
-             controller, step_generator, pose_estimator, plant, relay, recorder",
+             controller, step_generator, pose_estimator, plant, relay, recorder, operator",
         ),
     ];
     for (text, expected) in cases {
