@@ -227,15 +227,20 @@ pub fn comes_true(limit: Duration, mut condition: impl FnMut() -> bool) -> bool 
 /// The Python that has iceoryx2's binding: `HILARE_TEST_PYTHON`, or that which tests/run installs. Without one
 /// `test` is skipped.
 pub fn python_with_iceoryx2(test: &str) -> Option<PathBuf> {
+    python_with(test, "iceoryx2, tomllib")
+}
+
+/// The same Python, if it has these modules.
+pub fn python_with(test: &str, modules: &str) -> Option<PathBuf> {
     let target = Path::new(env!("CARGO_BIN_EXE_hilare")).ancestors().nth(2).expect("target/PROFILE/hilare");
     let given = std::env::var_os("HILARE_TEST_PYTHON").map(PathBuf::from);
     let python = given.unwrap_or_else(|| target.join("python/bin/python3"));
     let mut import = Command::new(&python);
-    import.args(["-c", "import iceoryx2, tomllib"]).stderr(Stdio::null());
+    import.args(["-c", &format!("import {modules}")]).stderr(Stdio::null());
     if import.status().is_ok_and(|status| status.success()) {
         return Some(python);
     }
-    skip(test, &format!("{} has no iceoryx2 (tests/run installs it)", python.display()));
+    skip(test, &format!("{} lacks one of {modules} (tests/run installs them)", python.display()));
     None
 }
 

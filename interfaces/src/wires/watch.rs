@@ -37,11 +37,12 @@ pub const PATH: Wire = watch(&super::PATH, "watch/path", &[polls(Role::Recorder)
 pub const REFERENCE: Wire =
     watch(&super::REFERENCE, "watch/reference", &[polls(Role::Recorder), polls(Role::Launch)], 1);
 
-/// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[polls(Role::Recorder)], 0);
+/// Commands of every controller: of up to four on one wire, so deeper than the wire itself.
+pub const COMMAND: Wire = Wire { buffer: 256, ..watch(&super::COMMAND, "watch/command", &[polls(Role::Recorder)], 0) };
 
-/// Who may drive; who comes late gets the last word.
-pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[polls(Role::Recorder)], 1);
+/// Who may drive; who comes late gets the last word. Deeper than the wire itself, which the relay finds full when it
+/// begins.
+pub const AUTHORITY: Wire = Wire { buffer: 256, ..watch(&super::AUTHORITY, "watch/authority", &[polls(Role::Recorder)], 1) };
 
 /// Steps.
 pub const STEPS: Wire = watch(&super::STEPS, "watch/steps", &[polls(Role::Recorder), polls(Role::Launch)], 1);

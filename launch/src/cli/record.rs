@@ -25,6 +25,8 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(10);
 /// Time between two looks whether the robot is still up.
 const LIFE: Duration = Duration::from_millis(500);
+/// Time the disk has for what waits for it at the end.
+const DISK_PATIENCE: Duration = Duration::from_secs(30);
 /// Longest recording that can be asked for, s.
 const LONGEST_S: f64 = 1e7;
 /// Where recordings go that were given no place.
@@ -84,7 +86,7 @@ pub fn record(args: &RecordArgs) -> VerbResult {
         tape.hand_over();
         sleep(LOOK);
     }
-    let report = tape.finish(None);
+    let report = tape.finish(Some(DISK_PATIENCE));
     tell(&path, &report, args.robot.json);
     if !report.complete {
         return Err(Failure::Fault(format!("the recording is not complete: {}", report.why)));

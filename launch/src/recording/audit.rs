@@ -72,6 +72,8 @@ pub struct Audit {
 
 /// Writers whose sequence numbers are followed; a swap a second for an hour.
 const MAX_WRITERS: usize = 4096;
+/// Messages in a row that may be lost: a day of commands.
+const MAX_MISSING: u64 = 100_000_000;
 
 impl Audit {
     /// Nothing heard yet.
@@ -93,8 +95,10 @@ impl Audit {
             && (wire.sequences.len() < MAX_WRITERS || wire.sequences.contains_key(&writer))
         {
             let newest = wire.sequences.entry(writer).or_insert(number);
-            wire.missing += number.saturating_sub(newest.saturating_add(1));
-            *newest = number.max(*newest);
+            let missing = number.saturating_sub(newest.saturating_add(1));
+            // A number far beyond is no number: whoever sends it counts otherwise.
+            wire.missing += if missing <= MAX_MISSING { missing } else { 0 };
+            *newest = number;
         }
         let Some(tick) = heard.tick() else { return };
         self.newest = self.newest.max(tick);
@@ -107,9 +111,9 @@ impl Audit {
         let missing =
             wire.newest.map_or(0, |newest| (tick.saturating_sub(newest) / between).saturating_sub(1));
         if between == 1 {
-            wire.missing += missing;
+            wire.missing = wire.missing.saturating_add(missing);
         } else {
-            wire.absent += missing;
+            wire.absent = wire.absent.saturating_add(missing);
         }
         wire.newest = wire.newest.max(Some(tick));
     }
@@ -128,7 +132,7 @@ impl Audit {
             WireReport {
                 wire: RECORDED[place].name().to_owned(),
                 messages: wire.messages,
-                gaps: wire.missing + tail,
+                gaps: wire.missing.saturating_add(tail),
                 absent: wire.absent,
                 ..WireReport::default()
             }
@@ -142,7 +146,7 @@ impl Report {
     pub fn sum_up(&mut self, trouble: Option<&str>) {
         self.wires.retain(|wire| wire.messages + wire.dropped + wire.refused + wire.gaps > 0);
         self.messages = self.wires.iter().map(|wire| wire.messages).sum();
-        self.gaps = self.wires.iter().map(|wire| wire.gaps).sum();
+        self.gaps = self.wires.iter().fold(0, |all, wire| all.saturating_add(wire.gaps));
         self.dropped = self.wires.iter().map(|wire| wire.dropped + wire.refused).sum();
         let mut why: Vec<String> = trouble.map(str::to_owned).into_iter().collect();
         let mut tell = |what: &str, of: fn(&WireReport) -> u64| {
@@ -215,7 +219,11 @@ mod tests {
         for seq in [9, 10, u64::MAX] {
             audit.hear(&Heard::Authority(&Authority { seq, ..Authority::ZERO }));
         }
-        assert_eq!(gaps(&audit), [("authority".to_owned(), u64::MAX - 11, 0)]);
+        assert_eq!(gaps(&audit), []);
+        for seq in [20, 22] {
+            audit.hear(&Heard::Authority(&Authority { seq, ..Authority::ZERO }));
+        }
+        assert_eq!(gaps(&audit), [("authority".to_owned(), 1, 0)]);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Longest record, longest chunk (compressed or not): what is longer is no recording of ours, and not read into memory.
-const MAX_RECORD: usize = 256 << 20;
+const MAX_RECORD: usize = 128 << 20;
 /// Read at once.
 const READ_BYTES: usize = 256 << 10;
 const READ_AT_MOST: usize = 4 << 20;
@@ -330,13 +330,6 @@ struct PartReader {
     channels: BTreeMap<u16, usize>,
 }
 
-/// What a record was to us.
-enum Seen {
-    Message(Timed),
-    Channel(u16, usize),
-    Other,
-}
-
 impl PartReader {
     fn open(path: &Path) -> Result<Self, RecordingError> {
         Ok(Self { records: Records::open(path, false)?, channels: BTreeMap::new() })
@@ -354,29 +347,24 @@ impl PartReader {
 
     /// The next record: a message of ours, or another.
     fn next_record(&mut self) -> Result<Option<Option<Timed>>, RecordingError> {
-        let channels = &self.channels;
-        let path = Arc::clone(&self.records.path);
-        let seen = self.records.next(|opcode, data| match opcode {
-            op::CHANNEL => read_channel(&path, parse(&path, opcode, data)?),
-            op::MESSAGE => read_message(&path, channels, parse(&path, opcode, data)?),
-            _ => Ok(Seen::Other),
-        })?;
-        Ok(match seen {
-            None => None,
-            Some(Seen::Message(timed)) => Some(Some(timed)),
-            Some(Seen::Channel(id, place)) => {
-                self.channels.insert(id, place);
-                Some(None)
+        let Self { records, channels } = self;
+        let path = Arc::clone(&records.path);
+        records.next(|opcode, data| match opcode {
+            op::CHANNEL => {
+                channels.extend(read_channel(&path, parse(&path, opcode, data)?)?);
+                Ok(None)
             }
-            Some(Seen::Other) => Some(None),
+            op::MESSAGE => read_message(&path, channels, parse(&path, opcode, data)?),
+            _ => Ok(None),
         })
     }
 }
 
-fn read_channel(path: &Path, record: Record<'_>) -> Result<Seen, RecordingError> {
-    let Record::Channel(channel) = record else { return Ok(Seen::Other) };
+/// The number of a channel that is ours, and its place.
+fn read_channel(path: &Path, record: Record<'_>) -> Result<Option<(u16, usize)>, RecordingError> {
+    let Record::Channel(channel) = record else { return Ok(None) };
     // A wire of another version is passed over; one that both know has to be the same.
-    let Some(place) = place_of(&channel.topic) else { return Ok(Seen::Other) };
+    let Some(place) = place_of(&channel.topic) else { return Ok(None) };
     let ours = RECORDED[place];
     let said = |key: &str| channel.metadata.get(key).cloned().unwrap_or_else(|| "?".to_owned());
     if said("layout") != ours.layout() || channel.message_encoding != "cdr" {
@@ -392,21 +380,21 @@ fn read_channel(path: &Path, record: Record<'_>) -> Result<Seen, RecordingError>
             ),
         ));
     }
-    Ok(Seen::Channel(channel.id, place))
+    Ok(Some((channel.id, place)))
 }
 
 fn read_message(
     path: &Path,
     channels: &BTreeMap<u16, usize>,
     record: Record<'_>,
-) -> Result<Seen, RecordingError> {
-    let Record::Message { header, data } = record else { return Ok(Seen::Other) };
-    let Some(place) = channels.get(&header.channel_id) else { return Ok(Seen::Other) };
+) -> Result<Option<Timed>, RecordingError> {
+    let Record::Message { header, data } = record else { return Ok(None) };
+    let Some(place) = channels.get(&header.channel_id) else { return Ok(None) };
     let entry = Entry::decode(*place, &data).ok_or_else(|| {
         RecordingError::new(
             path,
             format!("is damaged: a message of {} bytes on {}", data.len(), RECORDED[*place].topic()),
         )
     })?;
-    Ok(Seen::Message(Timed { log_time_ns: header.log_time, sequence: header.sequence, entry }))
+    Ok(Some(Timed { log_time_ns: header.log_time, sequence: header.sequence, entry }))
 }

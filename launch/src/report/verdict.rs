@@ -210,14 +210,11 @@ fn timing(text: &mut String, summary: &Summary, pen: Pen) {
     if let Some(recording) = &summary.recording {
         let size = format!("{} messages, {:.1} MB", recording.messages, recording.bytes as f64 / 1e6);
         let files = recording.files.join(", ");
-        match recording.complete {
-            true => {
-                paragraph(text, "recording ", &format!("{files}: {size}, none is missing"), str::to_owned)
-            }
-            false => {
-                let line = format!("{files}: {size}, NOT COMPLETE: {}", recording.why);
-                paragraph(text, "recording ", &line, |line| pen.paint(RED, line));
-            }
+        if recording.complete {
+            paragraph(text, "recording ", &format!("{files}: {size}, none is missing"), str::to_owned);
+        } else {
+            let line = format!("{files}: {size}, NOT COMPLETE: {}", recording.why);
+            paragraph(text, "recording ", &line, |line| pen.paint(RED, line));
         }
     }
     paragraph(text, "hash      ", &summary.state_hash, str::to_owned);

@@ -26,8 +26,9 @@ use std::time::Duration;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 /// Ticks the lockstep clock may be ahead of the slowest reader; well inside the wires' buffers.
 const LOCKSTEP_LEAD: u64 = 512;
-/// Control periods it may be: the relay finds every command.
-const LOCKSTEP_LEAD_PERIODS: u64 = wires::COMMAND.buffer as u64 * 3 / 4;
+/// Control periods it may be. Between two looks of the relay at the commands it goes on by twice as many at most: when
+/// the recorder has what the relay found before it came to the commands.
+const LOCKSTEP_LEAD_PERIODS: u64 = wires::COMMAND.buffer as u64 * 3 / 8;
 /// How long the lockstep clock sleeps when a reader is behind.
 const BACK_PRESSURE: Duration = Duration::from_micros(200);
 /// Commands taken in at most in one tick: all that may wait, so that a program that floods the wire keeps

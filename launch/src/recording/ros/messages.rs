@@ -10,7 +10,8 @@ const ODOM: &str = "odom";
 const BASE: &str = "base_link";
 /// Names of the wheels, in the order of the chassis.
 const TWO_WHEELS: [&str; 2] = ["right_wheel", "left_wheel"];
-const FOUR_WHEELS: [&str; 4] = ["wheel_1", "wheel_2", "wheel_3", "wheel_4"];
+const FOUR_WHEELS: [&str; 4] =
+    ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"];
 /// An arc is told in pieces that turn by so much at most, rad.
 const PIECE_RAD: f64 = 0.1;
 const MAX_PIECES: f64 = 64.0;

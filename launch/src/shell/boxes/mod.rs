@@ -32,6 +32,6 @@ pub fn observer_interval(clock: ClockKind) -> Duration {
     match clock {
         ClockKind::Real => Duration::from_millis(10),
         // The lockstep clock waits for the recorder; let it not wait long.
-        ClockKind::Lockstep | ClockKind::InProcess => Duration::from_millis(1),
+        ClockKind::Lockstep | ClockKind::InProcess => Duration::from_micros(250),
     }
 }
