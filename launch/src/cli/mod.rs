@@ -15,6 +15,7 @@ mod operate;
 mod plan;
 mod plot;
 mod record;
+mod replay;
 mod reproduce;
 pub(crate) mod run;
 mod service;
@@ -126,6 +127,13 @@ enum Verb {
         Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
     )]
     Tune(Box<tune::TuneArgs>),
+    /// Run a recording again and compare every bit; or with changes: what would have happened
+    #[command(
+        after_help = "Examples:\n  hilare replay runs/rectangle-kanayama-real-1\n  hilare replay runs/so-qp-real-2 --box controller --box plant\n  \
+        hilare replay runs/so-kanayama-real-1 --set tracking.speed_mps=0.03 --controller qp --out runs/what-if\n\
+        Exit codes: 0 the same to the last bit (or driven again), 1 something differs or nothing could be compared, 2 wrong use or no recording."
+    )]
+    Replay(replay::ReplayArgs),
     /// Reproduce the three papers: figures and tables, printed values beside ours
     #[command(
         after_help = "Examples:\n  hilare reproduce\n  hilare reproduce 1 --seeds 100 --out runs/paper1\n  \
@@ -219,6 +227,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Plot(args)) => plot::plot(&args),
         Some(Verb::Compare(args)) => compare::compare(&args),
         Some(Verb::Tune(args)) => tune::tune(&args),
+        Some(Verb::Replay(args)) => replay::replay(&args),
         Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
         Some(Verb::Topic(args)) => topic::topic(&args),

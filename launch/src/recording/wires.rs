@@ -167,9 +167,11 @@ macro_rules! recorded {
 
 recorded! {
     slices {
+        Goal(GoalHeader, Waypoint) = watch::GOAL;
         Path(PathHeader, Waypoint) = watch::PATH;
     }
     messages {
+        Answer(Answer) = watch::ANSWER;
         Authority(Authority) = watch::AUTHORITY;
         Steps(Steps) = watch::STEPS;
         Wheels(Wheels) = watch::WHEELS;
@@ -178,6 +180,8 @@ recorded! {
         Truth(Truth) = watch::TRUTH;
         Reference(Reference) = watch::REFERENCE;
         Command(Command) = watch::COMMAND;
+        Health(Health) = watch::HEALTH;
+        Journal(Journal) = watch::JOURNAL;
     }
 }
 

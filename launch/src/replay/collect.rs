@@ -18,6 +18,10 @@ impl Collector {
     pub fn hear(&mut self, heard: Heard<'_>) {
         let messages = &mut self.messages;
         match heard {
+            Heard::Goal(header, waypoints) => messages.goals.push((*header, waypoints.to_vec())),
+            Heard::Answer(answer) => messages.answers.push(*answer),
+            Heard::Health(_) => {}
+            Heard::Journal(entry) => messages.journal.push(*entry),
             Heard::Path(header, waypoints) => messages.paths.push((*header, waypoints.to_vec())),
             Heard::Authority(authority) => messages.authorities.push(*authority),
             Heard::Steps(steps) => messages.steps.push(*steps),
@@ -53,6 +57,13 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
     if let Some(text) = recording.system() {
         let origin = format!("{}: system.toml", path.display());
         systems.insert(1, System::parse(&origin, text).map_err(|error| error.to_string())?);
+    }
+    for number in 1..1000 {
+        let file = path.join(crate::shell::worker::system_file(number));
+        if let Ok(text) = std::fs::read_to_string(&file) {
+            let system = System::parse(&file.to_string_lossy(), &text).map_err(|error| error.to_string())?;
+            systems.insert(number, system);
+        }
     }
     let clock: ClockKind = info.clock.parse().map_err(|why| format!("{}: {why}", path.display()))?;
     let name = [&*info.scenario, &*info.controller, &*info.clock]

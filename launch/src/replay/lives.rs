@@ -84,6 +84,13 @@ impl Lives {
         self.all.iter().filter(|life| life.role == role).collect()
     }
 
+    /// True if some process took in an authority of this number and hash.
+    pub fn took_authority(&self, seq: u64, hash: u64) -> bool {
+        let kind = JournalKind::Authority.code();
+        let mut entries = self.all.iter().flat_map(|life| &life.entries);
+        entries.any(|entry| entry.kind == kind && (entry.words[0], entry.words[1]) == (seq, hash))
+    }
+
     /// The states that some process went on from: place and tick.
     pub fn wanted_states(&self) -> BTreeSet<(u64, Tick)> {
         self.all.iter().filter_map(|life| life.state).collect()

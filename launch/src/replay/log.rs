@@ -71,6 +71,11 @@ impl<M: Dated> Wire<M> {
         Self(messages)
     }
 
+    /// The last tick of a message; of lies after `end`, none.
+    pub fn last(&self, end: Tick) -> Option<Tick> {
+        self.between(None, end).last().map(Dated::tick)
+    }
+
     /// All of them.
     pub fn all(&self) -> &[M] {
         &self.0
@@ -222,18 +227,24 @@ impl RunLog {
     }
 
     /// The run with other system files, and another law in every controller of ours.
-    pub fn changed(&self, set: &[String], law: Option<&'static LawSpec>) -> Result<Self, String> {
-        let mut changed = self.clone();
-        for system in changed.systems.values_mut() {
-            let law = law.map(|law| format!("controller.law={}", law.name));
-            let keys: Vec<&String> = set.iter().chain(law.as_ref()).collect();
-            system.set_all(&keys).map_err(|error| error.to_string())?;
+    pub fn changed(mut self, set: &[String], law: Option<&'static LawSpec>) -> Result<Self, String> {
+        let law_key = law.map(|law| format!("controller.law={}", law.name));
+        let keys: Vec<&String> = set.iter().chain(&law_key).collect();
+        for system in self.systems.values_mut() {
+            system.set_all(&keys).map_err(|error| {
+                let error = error.to_string();
+                // The assignment we made of a flag is nothing the user has written.
+                let own = law.zip(law_key.as_ref()).and_then(|(law, key)| {
+                    let what = error.strip_prefix(&format!("--set {key}: "))?;
+                    Some(format!("--controller {}: {what}", law.name))
+                });
+                own.unwrap_or(error)
+            })?;
         }
-        if let Some(law) = law {
-            for life in changed.lives.all.iter_mut().filter(|life| life.role == Role::Controller) {
-                life.law = Some(law);
-            }
+        let sets_law = keys.iter().any(|key| key.split('=').next().map(str::trim) == Some("controller.law"));
+        for life in self.lives.all.iter_mut().filter(|life| sets_law && life.role == Role::Controller) {
+            life.law = self.systems.get(&life.system).map(|system| system.controller.law);
         }
-        Ok(changed)
+        Ok(self)
     }
 }

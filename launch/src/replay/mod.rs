@@ -9,20 +9,25 @@
 //! * [`log`], [`lives`], [`states`]: what was recorded, which processes there were, what successors went on from.
 //! * [`boxes`]: which inputs each box took and when; [`walk`]: ticks that were not answered, or not recorded.
 //! * [`ledger`], [`fields`]: recorded and replayed messages compared, and where they differ.
+//! * [`closed`]: the whole drive again, with changes. [`what_if`]: both drives side by side.
+//! * [`report`]: what it came to.
 //! * [`in_process`]: what the journal of a run in one thread would say.
 //!
 //! A box with changed parameters, or a changed law, is replayed alike: what comes out is what it would have answered to
 //! the same inputs. A box whose parameters change at a tick is [`states::rebuilt`] there, its state kept.
 
 pub mod boxes;
+pub mod closed;
 pub mod collect;
 pub mod fields;
 pub mod in_process;
 pub mod ledger;
 pub mod lives;
 pub mod log;
+pub mod report;
 pub mod states;
 pub mod walk;
+pub mod what_if;
 
 use boxes::BoxReport;
 use hilare_interfaces::wires::Role;

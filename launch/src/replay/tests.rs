@@ -1,14 +1,16 @@
 //! Replays of runs in one thread; those of processes are in tests/replay.rs.
 
 use super::boxes::BoxReport;
+use super::closed::{Driven, drive};
 use super::collect::Collector;
 use super::in_process::journal;
 use super::log::{Messages, RunLog, Title};
-use super::{BOXES, replay};
+use super::{BOXES, replay, what_if};
 use crate::config::{Scenario, System, Task};
 use crate::shell::ClockKind;
 use crate::shell::in_process::InProcess;
 use hilare_interfaces::layout::WireMessage;
+use hilare_recorder::RunRecord;
 use std::collections::BTreeMap;
 
 /// A run in one thread as a recording has it.
@@ -131,7 +133,7 @@ fn another_parameter_or_law_is_another_run() {
         ("plant.slip_sd=0.02", "plant"),
     ];
     for (change, changed) in changes {
-        let other = log.changed(&[change.to_owned()], None).expect("a key");
+        let other = log.clone().changed(&[change.to_owned()], None).expect("a key");
         let found = differing(&replay(&other, &BOXES, true));
         assert!(found.iter().any(|line| line.starts_with(changed)), "{change}: {found:?}");
     }
@@ -152,7 +154,10 @@ fn what_the_recording_lacks_is_not_a_difference() {
         ("truths", |m| drop(m.truths.drain(500..520))),
         ("references", |m| drop(m.references.drain(100..103))),
         ("commands", |m| drop(m.commands.drain(100..103))),
-        ("the end", |m| drop((m.steps.truncate(1000), m.commands.truncate(150)))),
+        ("the end", |m| {
+            m.steps.truncate(1000);
+            m.commands.truncate(150);
+        }),
     ];
     for (what, lose) in losses {
         let mut other = messages.clone();
@@ -164,4 +169,57 @@ fn what_the_recording_lacks_is_not_a_difference() {
         let compared: u64 = reports.iter().map(BoxReport::compared).sum();
         assert!(compared > 3_000, "{what}: {compared}");
     }
+}
+
+/// Messages of a drive that are not the recording's, by wire.
+fn parts(driven: &Driven) -> Vec<String> {
+    let parted = driven.parted.iter().filter_map(|(wire, parted)| {
+        parted.first.as_ref().map(|first| format!("{wire}: {} of {}, {}", parted.differing, parted.compared, first.in_words()))
+    });
+    parted.collect()
+}
+
+#[test]
+fn driven_again_without_changes_it_ends_in_the_same_bits() {
+    let runs: [(&str, &[&str]); 3] = [
+        ("rectangle", &["plant.slip_sd=0.05"]),
+        ("line-21deg", &["estimator.kind=ekf"]),
+        ("agv-low", &[]),
+    ];
+    for (scenario, set) in runs {
+        for ticks in [3_000, 200_000] {
+            let (system, messages) = recorded(scenario, set, ticks);
+            let count = messages.poses.len() as u64;
+            let log = log_of(&system, messages);
+            let driven = drive(&log).expect("it begins whole");
+            assert_eq!(parts(&driven), [] as [&str; 0], "{scenario} {ticks}");
+            assert_eq!((driven.parted["pose"].compared, driven.ticks), (count, log.end), "{scenario} {ticks}");
+            let figures = |record: &RunRecord| record.statistics.figures();
+            assert_eq!(figures(&driven.record), figures(&what_if::recorded(&log, 5)), "{scenario} {ticks}");
+        }
+    }
+}
+
+#[test]
+fn with_changes_it_drives_on_until_it_arrives() {
+    let (system, messages) = recorded("rectangle-open", &[], 200_000);
+    let log = log_of(&system, messages);
+    let slower = ["tracking.speed_mps=0.02".to_owned()];
+    let compared = what_if::compare(log.clone(), &slower, None).expect("a key").what_if;
+    let (was, would) = (compared.recorded, compared.changed);
+    assert!(was.reached && would.reached && would.duration_s > 1.8 * was.duration_s, "{compared:?}");
+    assert!(compared.parted.is_some_and(|first| first.tick < 200));
+    // It is what the run would have been.
+    let (_, slow) = recorded("rectangle-open", &["tracking.speed_mps=0.02"], 200_000);
+    let mut slow_system = system.clone();
+    slow_system.set_all(&slower).expect("a key");
+    let run = what_if::recorded(&log_of(&slow_system, slow), 5).statistics.figures();
+    assert_eq!(would, run.into());
+
+    let other = what_if::compare(log.clone(), &[], hilare_controller::law("qp")).expect("a law").what_if;
+    let (_, qp) = recorded("rectangle-open", &["controller.law=qp"], 200_000);
+    assert_eq!(other.changed, what_if::recorded(&log_of(&system, qp), 5).statistics.figures().into());
+    // Another control period: nothing of the recorded ticks holds.
+    let period = what_if::compare(log, &["timing.period_ticks=10".to_owned()], None).expect("a key").what_if;
+    assert!(period.changed.reached, "{period:?}");
 }

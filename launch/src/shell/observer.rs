@@ -84,6 +84,16 @@ impl Reactive for RecorderProcess {
                 Heard::Reference(reference) => assembler.push_reference(*reference),
                 _ => {}
             }
+            if let Heard::Journal(entry) = heard
+                && entry.kind == hilare_interfaces::messages::JournalKind::Began.code()
+                && let Some(order) = Order::found_in(&_worker.assignment.runtime_dir)
+            {
+                let name = super::worker::system_file(entry.words[2]);
+                let _ = std::fs::copy(
+                    _worker.assignment.runtime_dir.join(&name),
+                    order.path.with_file_name(&name),
+                );
+            }
             if let Some(tape) = tape {
                 tape.hear(heard);
             }

@@ -113,6 +113,11 @@ fn replay_commands(
     }
     let mut last = life.done();
     let mut number = 0;
+    // Of the end, some wires may have more than others.
+    let inputs = [log.poses.last(log.end), log.references.last(log.end)];
+    let end = inputs.into_iter().flatten().min().unwrap_or(0);
+    let is_whole = |command: &&Command| !(end + 1..=log.horizon()).contains(&command.pose_tick);
+    let commands = &commands[..commands.iter().rposition(|command| is_whole(&command)).map_or(0, |last| last + 1)];
     for (place, recorded) in commands.iter().enumerate() {
         let tick = answered(log, recorded, last, number)?;
         // Commands the recording has lost: as many as there were references meanwhile.

@@ -18,10 +18,12 @@ use std::collections::BTreeMap;
 pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
     let mut report = BoxReport::new(Role::WaypointSelector);
     let mut ledger = Ledger::new(log.references.all(), measures);
+    // Of the end, some wires may have more than others.
+    let end = log.poses.last(log.end).unwrap_or(0);
     let lives = log.lives.of_role(Role::WaypointSelector);
     for (n, life) in lives.iter().enumerate() {
         let period = log.system(life).map_or(1, |system| system.timing.period_ticks);
-        let to = last_tick(&lives, n, period, log.end);
+        let to = last_tick(&lives, n, period, end);
         if let Err(why) = replay_life(log, life, to, states, &mut ledger) {
             report.note(life, &why);
         }
