@@ -227,16 +227,25 @@ pub fn comes_true(limit: Duration, mut condition: impl FnMut() -> bool) -> bool 
 /// The Python that has iceoryx2's binding: `HILARE_TEST_PYTHON`, or that which tests/run installs. Without one
 /// `test` is skipped.
 pub fn python_with_iceoryx2(test: &str) -> Option<PathBuf> {
+    let python = python_with("iceoryx2, tomllib");
+    if python.is_none() {
+        skip(test, &format!("{} has no iceoryx2 (tests/run installs it)", python_of_tests().display()));
+    }
+    python
+}
+
+/// The same, with any other packages it is to import.
+pub fn python_with(packages: &str) -> Option<PathBuf> {
+    let python = python_of_tests();
+    let mut import = Command::new(&python);
+    import.args(["-c", &format!("import {packages}")]).stderr(Stdio::null());
+    import.status().is_ok_and(|status| status.success()).then_some(python)
+}
+
+fn python_of_tests() -> PathBuf {
     let target = Path::new(env!("CARGO_BIN_EXE_hilare")).ancestors().nth(2).expect("target/PROFILE/hilare");
     let given = std::env::var_os("HILARE_TEST_PYTHON").map(PathBuf::from);
-    let python = given.unwrap_or_else(|| target.join("python/bin/python3"));
-    let mut import = Command::new(&python);
-    import.args(["-c", "import iceoryx2, tomllib"]).stderr(Stdio::null());
-    if import.status().is_ok_and(|status| status.success()) {
-        return Some(python);
-    }
-    skip(test, &format!("{} has no iceoryx2 (tests/run installs it)", python.display()));
-    None
+    given.unwrap_or_else(|| target.join("python/bin/python3"))
 }
 
 /// Says, past the test runner's capture, that something was not tested.
