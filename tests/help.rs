@@ -37,6 +37,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "latency",
         "topic",
         "diagram",
+        "schema",
         "doctor",
         "systemd",
         "completions",
