@@ -189,7 +189,7 @@ fn an_observer_in_python_sees_the_robots_poses_until_it_goes() {
     let from = number(&lab.status(&robot).expect("it is up"), "tick");
     lab.await_status(&robot, "some seconds", |status| number(status, "tick") > from + 3000.0);
     // It comes and goes while the robot drives.
-    let mut visitor = observer(&lab, &python, &examples, &[&robot]);
+    let visitor = observer(&lab, &python, &examples, &[&robot]);
     lab.await_status(&robot, "a second", |status| number(status, "tick") > from + 4000.0);
     visitor.signal(Signal::TERM);
     visitor.wait(support::PATIENCE).expect_code(0);

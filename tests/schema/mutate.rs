@@ -47,6 +47,11 @@ impl File {
         !self.name.starts_with("all-of-")
     }
 
+    /// Of so many mistakes one is made: files written in full have the keys of the others once more.
+    pub fn stride(&self) -> usize {
+        if self.by_hand() { 1 } else { 5 }
+    }
+
     /// What the loader, and whoever loads the map, says of another text in its place.
     pub fn read(&self, text: &str) -> Verdict {
         let folder = root().join("launch/scenarios");

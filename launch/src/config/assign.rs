@@ -161,7 +161,7 @@ fn refusal(spec: &ParamSpec, error: ParamError) -> String {
             let hint = if text.contains("did you mean") {
                 None
             } else {
-                units::meant(spec.unit, value, spec.min..=spec.max)
+                units::meant(units::unit_of(spec), value, spec.min..=spec.max)
             };
             text + &hint.unwrap_or_default()
         }

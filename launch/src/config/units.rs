@@ -1,11 +1,14 @@
 //! Units that are taken for one another, and how much larger a number then is.
 
+use hilare_interfaces::params::{ParamKind, ParamSpec};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
 /// A unit that a number may have been written in, in words, and its number for a value of 1 in the key's unit.
 pub(super) type Mistake = (&'static str, f64);
 
+/// Stands for the unit of a pure number that is at most 1.
+const SHARE: &str = "share";
 const DEGREES: f64 = 360.0 / TAU;
 const RPM: f64 = 60.0 / TAU;
 
@@ -34,9 +37,15 @@ pub(super) fn mistakes(unit: &str) -> (&'static str, &'static [Mistake]) {
         "N m/A" => ("N m/A", &[("N mm/A", 1e3)]),
         "ohm" => ("ohm", &[("milliohm", 1e3)]),
         "V" => ("volts", &[("millivolts", 1e3)]),
-        "" | "1/sqrt(m)" => ("a share", &[("percent", 1e2)]),
+        SHARE => ("a share", &[("percent", 1e2)]),
         _ => ("SI", &[]),
     }
+}
+
+/// The unit of a key, [`SHARE`] where it has none and is one.
+pub(super) fn unit_of(spec: &ParamSpec) -> &'static str {
+    let share = spec.unit.is_empty() && spec.kind == ParamKind::Real && spec.max <= 1.0;
+    if share { SHARE } else { spec.unit }
 }
 
 /// `; did you mean …?` where a value fits once it is read in a unit that the key's is taken for.
