@@ -22,8 +22,16 @@ struct Tally {
 }
 
 impl Tally {
-    /// A mistake at `at` and what was said of it: it has to name the line, the key (one of `names`), and a way out.
-    fn judge(&mut self, kind: &'static str, file: &File, at: usize, text: &str, what: &str, names: &[&str]) {
+    /// What was said of a mistake at `at`: it has to name the line, the key (one of `names`), and a way out.
+    fn judge(
+        &mut self,
+        kind: &'static str,
+        file: &File,
+        at: usize,
+        text: &str,
+        what: &str,
+        names: &[&str],
+    ) -> String {
         let count = self.counts.entry(kind).or_default();
         let place = format!("{}:{}: ", file.name, file.line(at));
         let (verb, said) = match file.read(text) {
@@ -40,7 +48,7 @@ impl Tally {
                     None => {
                         count.silent += 1;
                         self.wrong.push(format!("{place}{what}: silent"));
-                        return;
+                        return String::new();
                     }
                 }
             }
@@ -48,9 +56,8 @@ impl Tally {
         let named = names.iter().any(|name| said.contains(name));
         // Keys that contradict each other are told at the later one's line; what TOML cannot read, where it stops.
         let placed = said.starts_with(&place)
-            || (verb == "refused"
-                && said.starts_with(&format!("{}:", file.name))
-                && (named || said.contains("not TOML")));
+            || (said.starts_with(&format!("{}:", file.name))
+                && (said.contains("not TOML") || (verb == "refused" && kind == "another unit" && named)));
         let advises = [
             "did you mean",
             "the key is",
@@ -78,6 +85,7 @@ impl Tally {
         if !(placed && (named || said.contains("not TOML")) && advises && !said.contains('\n')) {
             self.wrong.push(format!("{place}{what}: {verb} badly: {said}"));
         }
+        said
     }
 
     fn report(self, least: usize) {
@@ -101,14 +109,19 @@ fn files_without_a_mistake_are_read_without_a_word() {
 
 #[test]
 fn a_slip_in_a_key_or_a_section_is_refused_with_what_was_meant() {
-    let mut tally = Tally::default();
+    let (mut tally, mut named, mut all) = (Tally::default(), 0, 0);
     for file in File::all() {
         let (sites, headers) = sites(&file);
         for site in &sites {
             let name = &file.text[site.name.clone()];
             for slip in slips(name).into_iter().step_by(file.stride()) {
                 let text = file.with(&site.name, &slip);
-                tally.judge("slip in a key", &file, site.name.start, &text, &slip, &[name, &slip]);
+                let said = tally.judge("slip in a key", &file, site.name.start, &text, &slip, &[name, &slip]);
+                all += usize::from(site.form.is_some());
+                named += usize::from(
+                    site.form.is_some()
+                        && (said.contains(&format!("{name}\"")) || said.contains(&format!("is {name}"))),
+                );
             }
         }
         for header in headers {
@@ -122,25 +135,9 @@ fn a_slip_in_a_key_or_a_section_is_refused_with_what_was_meant() {
         }
     }
     tally.report(15_000);
-}
-
-/// How often the key that was meant is named, too: where two keys are alike, it may be the other one.
-#[test]
-fn what_was_meant_is_nearly_always_named() {
-    let (mut named, mut all) = (0, 0);
-    for file in File::all().iter().filter(|file| file.by_hand()) {
-        for site in sites(file).0.iter().filter(|site| site.form.is_some()) {
-            let name = &file.text[site.name.clone()];
-            for slip in slips(name) {
-                let said = file.read(&file.with(&site.name, &slip)).expect_err("refused");
-                all += 1;
-                named +=
-                    usize::from(said.contains(&format!("{name}\"")) || said.contains(&format!("is {name}")));
-            }
-        }
-    }
-    println!("{named} of {all}");
-    assert!(named * 100 >= all * 95, "{named} of {all}");
+    // Where two keys are alike, it may be the other one.
+    println!("what was meant is named {named} times of {all}");
+    assert!(named * 100 >= all * 98, "what was meant is named {named} times of {all}");
 }
 
 #[test]
@@ -181,10 +178,9 @@ fn a_value_of_another_type_or_out_of_bounds_is_refused_and_changes_nothing() {
             let value = &file.text[site.value.clone()];
             let (types, beyond) = wrong_values(&form, value);
             for (kind, wrong) in [("another type", &types), ("out of bounds", &beyond)] {
-                for wrong in wrong {
+                for wrong in wrong.iter().step_by(file.stride().min(3)) {
                     let text = file.with(&site.value, wrong);
                     tally.judge(kind, &file, site.value.start, &text, &format!("{name} = {wrong}"), &[name]);
-                    assert!(file.read(&text).is_err(), "{}: {name} = {wrong}", file.name);
                 }
             }
             let mut system = file.system();
@@ -195,7 +191,8 @@ fn a_value_of_another_type_or_out_of_bounds_is_refused_and_changes_nothing() {
             assert_eq!(system, before, "half applied: {name}");
         }
     }
-    tally.report(5000);
+    assert!(tally.counts.values().all(|count| count.warned == 0), "such a value is refused");
+    tally.report(3000);
 }
 
 /// Values for keys that are zero in the files, which no unit changes.
