@@ -41,6 +41,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "topic",
         "record",
         "diagram",
+        "schema",
         "doctor",
         "systemd",
         "completions",

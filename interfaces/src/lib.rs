@@ -6,7 +6,8 @@
 //! * [`geometry`], [`segment`], [`chassis`], [`motors`], [`acceptance`], [`params`], [`latency`]: the words
 //!   the boxes share.
 //!
-//! For tests there is `hostile` (a feature of that name): messages no honest program sends.
+//! Features: `export`, the wires as a C header and a Python module; `hostile`, for tests, messages no honest
+//! program sends.
 //!
 //! Everything is SI (m, rad, s), axes follow ROS REP-103 (x forward, y left, counter-clockwise
 //! positive). The crate is `no_std`: nothing here can reach a clock, a file or a log.
@@ -15,6 +16,8 @@
 pub mod acceptance;
 pub mod block;
 pub mod chassis;
+#[cfg(feature = "export")]
+pub mod export;
 pub mod geometry;
 #[cfg(feature = "hostile")]
 pub mod hostile;
@@ -27,5 +30,7 @@ pub mod segment;
 pub mod state;
 pub mod wires;
 
+#[cfg(feature = "export")]
+extern crate alloc;
 #[cfg(any(test, feature = "hostile"))]
 extern crate std;

@@ -3,7 +3,7 @@
 use super::compare_runs::compare_runs;
 use super::plot::ShapeArgs;
 use super::run::{Drive, path_of, seed_keys, time_limit};
-use super::{VerbResult, print, refused};
+use super::{VerbResult, print, refused, warn};
 use crate::config::{Published, Scenario};
 use crate::manager::Failure;
 use crate::report::overlay::{Run, write_overlay};
@@ -186,6 +186,7 @@ impl Job {
     fn new(name: &str, args: &CompareArgs, chosen: &[&'static LawSpec]) -> Result<Self, Failure> {
         let mut scenario = Scenario::load(name).map_err(refused)?;
         scenario.system.set_all(&args.set).map_err(refused)?;
+        warn(&scenario.warnings());
         let kind = scenario.system.chassis.name();
         let wanted: Vec<&'static LawSpec> =
             if chosen.is_empty() { LAWS.iter().collect() } else { chosen.to_vec() };

@@ -1,11 +1,19 @@
 //! `hilare diagram`: the wire table as a picture, as JSON, and for programs in other languages.
 
-use super::header::{self, Language};
 use super::{VerbResult, print};
-use crate::shell::transport::service_of;
-use clap::Args;
-use hilare_interfaces::wires::{Rate, Role, WIRES, Wire};
+use clap::{Args, ValueEnum};
+use hilare_interfaces::export::{self, rate, service_of};
+use hilare_interfaces::wires::{Role, WIRES, Wire};
 use std::process::ExitCode;
+
+/// A language the wires can be printed in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// A header for C11 and C++17
+    C,
+    /// A module of ctypes structures
+    Python,
+}
 
 /// Options of `hilare diagram`.
 #[derive(Args)]
@@ -13,7 +21,7 @@ pub struct DiagramArgs {
     /// The table as JSON
     #[arg(long, conflicts_with = "header")]
     json: bool,
-    /// The messages as a source file for external controllers
+    /// The messages as a source file for programs outside
     #[arg(long, value_name = "LANGUAGE")]
     header: Option<Language>,
 }
@@ -21,7 +29,10 @@ pub struct DiagramArgs {
 /// Prints the diagram.
 pub fn diagram(args: &DiagramArgs) -> VerbResult {
     if let Some(language) = args.header {
-        print(&header::text(language));
+        print(&match language {
+            Language::C => export::c(),
+            Language::Python => export::python(),
+        });
     } else if args.json {
         let wires: Vec<_> = WIRES.iter().map(|wire| as_json(wire)).collect();
         print(&format!("{}\n", serde_json::to_string_pretty(&wires).unwrap_or_default()));
@@ -45,16 +56,6 @@ fn as_json(wire: &Wire) -> serde_json::Value {
         "history": wire.history,
         "doc": wire.doc,
     })
-}
-
-/// How often a wire carries a message, in words.
-pub fn rate(wire: &Wire) -> String {
-    match wire.rate {
-        Rate::EveryTick => "1 kHz".to_owned(),
-        Rate::EveryPeriod => "every control period".to_owned(),
-        Rate::OnDemand => "on demand".to_owned(),
-        Rate::Hertz(hertz) => format!("{hertz} Hz"),
-    }
 }
 
 /// The diagram as it stands in the README: a box, what it sends, to whom.

@@ -1,7 +1,7 @@
 //! `hilare latency`, and the bare processes it starts.
 
 use super::run::set_flag;
-use super::{VerbResult, print, refused};
+use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::latency::bare::{self, Part, Place};
 use crate::latency::{Figures, Measurement, load, measure, write_pictures};
@@ -68,6 +68,7 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     }
     let mut system = System::load(&args.system).map_err(refused)?;
     system.set_all(&args.set).map_err(refused)?;
+    warn(&system.warnings());
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }

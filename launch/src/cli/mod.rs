@@ -9,7 +9,6 @@ mod diagram;
 mod doctor;
 mod ending;
 mod fit;
-mod header;
 mod latency;
 mod operate;
 mod plan;
@@ -18,6 +17,7 @@ mod record;
 mod replay;
 mod reproduce;
 pub(crate) mod run;
+mod schema;
 mod service;
 mod systemd;
 mod top;
@@ -174,6 +174,13 @@ enum Verb {
         after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
     )]
     Diagram(diagram::DiagramArgs),
+    /// Print the keys of system and scenario files as a JSON Schema for editors
+    #[command(
+        after_help = "Examples:\n  hilare schema --out system.schema.json\n  hilare schema --scenario --out scenario.schema.json\n  \
+        hilare schema --markdown\nThe first line of a system file beside it, for Taplo and VS Code's Even Better TOML:\n  \
+        #:schema ./system.schema.json\nExit codes: 0 done, 2 wrong use or a file that cannot be written."
+    )]
+    Schema(schema::SchemaArgs),
     /// Check what this machine allows, each finding with its cure
     #[command(
         after_help = "Example: hilare doctor\nExit codes: 0 nothing stands in the way, 1 something does, 2 wrong use."
@@ -235,6 +242,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Record(args)) => record::record(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
+        Some(Verb::Schema(args)) => schema::schema(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),
         Some(Verb::Systemd(args)) => systemd::systemd(&args),
         Some(Verb::Completions { shell }) => {
@@ -286,6 +294,13 @@ fn print(text: &str) -> bool {
             std::process::exit(1);
         }
         wrote => wrote.is_ok(),
+    }
+}
+
+/// Says on standard error what is allowed and hardly meant.
+fn warn(lines: &[String]) {
+    for line in lines {
+        let _ = writeln!(io::stderr(), "hilare: warning: {line}");
     }
 }
 

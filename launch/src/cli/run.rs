@@ -1,7 +1,7 @@
 //! `hilare run` and `hilare demo`.
 
 use super::ending::{End, report};
-use super::{VerbResult, refused};
+use super::{VerbResult, refused, warn};
 use crate::config::{Driver, Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
@@ -232,6 +232,7 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
     if let Some(start) = &args.start {
         set_flag(system, "--start", start, &start_keys(start)?)?;
     }
+    warn(&scenario.warnings());
     Ok(scenario)
 }
 

@@ -1,6 +1,6 @@
 //! `hilare systemd`: units for the service manager.
 
-use super::{VerbResult, print, refused};
+use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::manager::Failure;
 use crate::systemd::{Scope, Units, Wanted, units};
@@ -75,6 +75,7 @@ pub fn systemd(args: &SystemdArgs) -> VerbResult {
 fn wanted(args: &SystemdArgs) -> Result<Wanted, Failure> {
     let mut system = System::load(&args.system).map_err(refused)?;
     system.set_all(&args.set).map_err(refused)?;
+    warn(&system.warnings());
     if let Some(robot) = &args.robot {
         super::run::set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }

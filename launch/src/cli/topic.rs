@@ -1,6 +1,5 @@
 //! `hilare topic`: what the relay repeats. It joins the relay's wires only, so looking costs the robot nothing.
 
-use super::diagram::rate;
 use super::operate::{RobotArgs, choose};
 use super::{VerbResult, print, refused};
 use crate::manager::Failure;
@@ -11,6 +10,7 @@ use crate::topic::fields::{in_words, pick, to_json, to_text};
 use crate::topic::rates::{Counter, Rates};
 use crate::topic::{Message, Source, Topic};
 use clap::{Args, Subcommand};
+use hilare_interfaces::export::rate;
 use hilare_interfaces::wires::Rate;
 use serde_json::{Value, json};
 use std::io::{self, Write};

@@ -1,7 +1,7 @@
 //! `hilare up`: a robot that stays up.
 
 use super::run::{set_flag, set_listen, set_with_drivers};
-use super::{VerbResult, print, refused};
+use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::logging::{self, LogSink};
 use crate::manager::children::this_program;
@@ -70,6 +70,9 @@ pub fn up(args: &UpArgs) -> VerbResult {
     }
     set_listen(&mut system, args.listen.as_deref())?;
     system.load_map().map_err(refused)?;
+    if !args.background {
+        warn(&system.warnings());
+    }
     if args.detach {
         return detach(args, &system.robot);
     }

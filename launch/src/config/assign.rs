@@ -4,7 +4,7 @@ use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
 use super::keys::{Form, Section, join, keys};
 use super::texts::{AS_THE_LAW_ASKS, EXEC, LAW, STANDBY, TextSpec};
-use super::{System, conflict, suggest};
+use super::{System, conflict, suggest, units};
 use hilare_controller::law;
 use hilare_interfaces::acceptance::Acceptance;
 use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
@@ -23,6 +23,7 @@ pub(super) fn apply(
         entries.into_iter().partition(|entry| is_text_key(&entry.section, entry.name));
     for entry in texts.iter().chain(&others) {
         assign(system, entry).map_err(|what| file.error(entry.offset, what))?;
+        system.places.note(join(&entry.section, entry.name), || file.place(entry.offset));
     }
     let Some(conflict) = conflict::find(system) else { return Ok(()) };
     let guilty = texts.iter().chain(&others).filter(|entry| conflict.involves(&entry.section, entry.name));
@@ -52,6 +53,7 @@ pub(super) fn apply_assignments<S: AsRef<str>>(
         parsed.into_iter().partition(|(_, entry)| is_text_key(&entry.section, entry.name));
     for (place, entry) in texts.iter().chain(&others) {
         assign(system, entry).map_err(|what| ConfigError::new(place, what))?;
+        system.places.note(join(&entry.section, entry.name), || place.clone());
     }
     let conflict = conflict::find(system).or_else(|| conflict::programs(system));
     let Some(conflict) = conflict else { return Ok(()) };
@@ -153,11 +155,15 @@ pub(super) fn check_number(spec: &'static ParamSpec, value: &Value<'_>) -> Resul
 fn refusal(spec: &ParamSpec, error: ParamError) -> String {
     match error {
         ParamError::NotFinite | ParamError::NotInteger => format!("{error}, {}", range(spec)),
-        ParamError::OutOfBounds { value, .. } if spec.unit == "rad" => {
-            let radians = value.to_radians();
-            let fits = (spec.min..=spec.max).contains(&radians);
-            let hint = format!("; did you mean {radians:.4} (radians, not degrees)?");
-            format!("{error}{}", if fits { &hint } else { "" })
+        ParamError::OutOfBounds { value, .. } => {
+            let text = error.to_string();
+            // What was meant may be said already.
+            let hint = if text.contains("did you mean") {
+                None
+            } else {
+                units::meant(units::unit_of(spec), value, spec.min..=spec.max)
+            };
+            text + &hint.unwrap_or_default()
         }
         // Pure numbers have no unit to print.
         _ => error.to_string().replace("  ", " ").trim_end().to_owned(),

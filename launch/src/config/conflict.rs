@@ -73,7 +73,8 @@ fn law_on_chassis(system: &System) -> Option<Conflict> {
     Some(Conflict::new(&[("controller", "law"), ("chassis", "kind")], what))
 }
 
-fn plant_of_robot(system: &System) -> Option<Conflict> {
+/// A chassis without a simulated robot.
+pub(super) fn plant_of_robot(system: &System) -> Option<Conflict> {
     if !matches!((&system.chassis, &system.motors), (Chassis::Mecanum(_), Motors::Stepper(_))) {
         return None;
     }

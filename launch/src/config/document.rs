@@ -90,7 +90,12 @@ impl<'t> Document<'t> {
 
     /// An error at a byte offset.
     pub(super) fn error(&self, offset: usize, what: impl std::fmt::Display) -> ConfigError {
-        ConfigError::new(format!("{}:{}", self.origin, line_of(self.text.as_bytes(), offset)), what)
+        ConfigError::new(self.place(offset), what)
+    }
+
+    /// File and line of a byte offset.
+    pub(super) fn place(&self, offset: usize) -> String {
+        format!("{}:{}", self.origin, line_of(self.text.as_bytes(), offset))
     }
 
     /// An error of the file as a whole.

@@ -196,6 +196,35 @@ impl Section {
         }
     }
 
+    /// What it holds.
+    pub(super) fn doc(self) -> &'static str {
+        match self {
+            Self::Top => "The robot.",
+            Self::Differential => "Two driven wheels on an axle.",
+            Self::Mecanum => "Four Mecanum wheels.",
+            Self::Stepper => "Steppers, driven by pulses.",
+            Self::Servo => "Servo motors with encoders: a drive closes a velocity loop round each wheel.",
+            Self::Limits => "Input constraints of the step generator, and its ramps to a stop.",
+            Self::Timing => "Control period, and what happens when something does not come in time.",
+            Self::Tracking => "How fast, and when a waypoint is reached.",
+            Self::Controller => "What drives.",
+            Self::Law(index) => LAWS[index].title,
+            Self::Estimator => "Where the pose comes from, and what the Kalman filter believes if it is one.",
+            Self::Planner => {
+                "How paths around obstacles are planned; without a map, goals are driven to in a straight line."
+            }
+            Self::Fit => "How planned paths become lines and arcs.",
+            Self::StepperDrive => "The simulated robot on steppers: what the control path does not know.",
+            Self::DcServo => "The simulated cart on DC servos: what the control path does not know.",
+            Self::MecanumServo => "The simulated Mecanum robot: what the control path does not know.",
+            Self::Camera => "What watches the robot from outside, if the estimator needs it.",
+            Self::Start => "Pose the robot is assumed to start at.",
+            Self::Supervision => "What launch does when a worker dies.",
+            Self::WakeUp => "What is done so that processes wake in time.",
+            Self::Realtime(_) => "How the process is scheduled.",
+        }
+    }
+
     /// What a system must be to have it; empty if every system has it.
     pub(super) fn only_for(self) -> &'static [Condition] {
         use Condition::{Chassis, Motors};

@@ -17,27 +17,34 @@ mod document;
 mod error;
 mod group;
 mod keys;
+mod manual;
 mod maps;
+mod places;
 mod realtime;
 mod scenario;
+mod schema;
 mod suggest;
 mod texts;
+mod units;
+mod unusual;
 mod write;
 
 pub use controller::{ControllerConfig, Driver};
 pub use error::ConfigError;
 pub use keys::{Condition, Form, Key, keys};
+pub use manual::manual;
 pub use realtime::Realtime;
 pub use scenario::{Published, Scenario, Task};
+pub use schema::{scenario_schema, system_schema};
 pub use texts::TextSpec;
 
 use crate::recording::RecordingParams;
 use document::Document;
 use hilare_controller::prediction::PredictionParams;
 use hilare_interfaces::acceptance::Acceptance;
-use hilare_interfaces::chassis::{Chassis, DifferentialParams};
+use hilare_interfaces::chassis::{Chassis, DifferentialParams, MecanumParams};
 use hilare_interfaces::geometry::WorldPose;
-use hilare_interfaces::motors::{Motors, StepperParams};
+use hilare_interfaces::motors::{Motors, ServoParams, StepperParams};
 use hilare_interfaces::param_group;
 use hilare_interfaces::wires::Role;
 use hilare_planner::{FitSettings, Map, PlannerSettings};
@@ -50,6 +57,7 @@ use hilare_pose_estimator::ekf::params::EkfParams;
 use hilare_step_generator::authority::GateParams;
 use hilare_step_generator::limits::Limits;
 use hilare_waypoint_selector::Tracking;
+use places::Places;
 use std::path::Path;
 
 param_group! {
@@ -143,6 +151,8 @@ pub struct System {
     /// How recordings are written.
     pub recording: RecordingParams,
     realtime: [Realtime; Role::WORKERS.len()],
+    /// Where its values were written; of no account when two systems are compared.
+    places: Places,
 }
 
 /// What the control path does not know, for each of the simulated robots.
@@ -181,6 +191,7 @@ impl Default for System {
             wake_up: WakeUp::default(),
             recording: RecordingParams::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
+            places: Places::default(),
         }
     }
 }
@@ -203,6 +214,18 @@ impl System {
             return Ok(system);
         }
         Self::built_in(name_or_path).map_err(ConfigError::bare)
+    }
+
+    /// A robot of these kinds, everything else as it is by default; what is no kind stays the default.
+    fn of_kinds(chassis: &str, motors: &str) -> Self {
+        let mut system = Self::default();
+        if chassis == "mecanum" {
+            system.chassis = Chassis::Mecanum(MecanumParams::default());
+        }
+        if motors == "servo" {
+            system.motors = Motors::Servo(ServoParams::default());
+        }
+        system
     }
 
     /// A built-in system, or what is wrong with the name.
@@ -245,6 +268,12 @@ impl System {
     /// Checks every value and that they fit each other; for those who changed fields directly.
     pub fn check(&self) -> Result<(), ConfigError> {
         assign::check_all(self).map_err(|what| ConfigError::new(&self.robot, what))
+    }
+
+    /// What is allowed and hardly meant, a line each: values that were written into a file or set, and that a robot of
+    /// this size and speed does not have. Most often it is the unit.
+    pub fn warnings(&self) -> Vec<String> {
+        unusual::warnings(self)
     }
 
     /// The value of a number or switch (0, 1) by its full key, `limits.v_max_mps`; `None` for an unknown

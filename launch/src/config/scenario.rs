@@ -31,7 +31,7 @@ const BUILT_IN: &[(&str, &str)] = &[
 /// Waypoint files the built-in scenarios name.
 const BUILT_IN_PATHS: &[(&str, &str)] = &[("so.csv", include_str!("../../scenarios/so.csv"))];
 
-const KEYS: &[&str] = &[
+pub(super) const KEYS: &[&str] = &[
     "description",
     "system",
     "waypoints_m",
@@ -57,6 +57,10 @@ pub struct Scenario {
     pub correction: Option<Band>,
     /// What others measured or computed on this path.
     pub published: Vec<Published>,
+    /// File and line of what is to be driven.
+    place: String,
+    /// What is to be said of the scenario's own figures.
+    said: Vec<String>,
 }
 
 /// What a scenario asks the planner for.
@@ -78,13 +82,16 @@ impl Scenario {
     pub fn load(name_or_path: &str) -> Result<Self, ConfigError> {
         if is_path(name_or_path) {
             let path = Path::new(name_or_path);
-            let text = read_text(path)?;
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            let home = Home::Folder(path.parent().unwrap_or(Path::new("")));
-            return parse(&name, name_or_path, &text, home);
+            return Self::parse(name_or_path, &read_text(path)?, path.parent().unwrap_or(Path::new("")));
         }
         let (name, text) = find_built_in("scenario", BUILT_IN, name_or_path).map_err(ConfigError::bare)?;
         parse(name, &format!("{name}.toml (built-in)"), text, Home::BuiltIn)
+    }
+
+    /// Reads the text of a scenario file; `origin` is its name in errors, `folder` where the files it names are.
+    pub fn parse(origin: &str, text: &str, folder: &Path) -> Result<Self, ConfigError> {
+        let name = Path::new(origin).file_stem().unwrap_or_default().to_string_lossy();
+        parse(&name, origin, text, Home::Folder(folder))
     }
 
     /// The same robot on the path of a waypoint file (CSV, header `x,y`, metres). It starts on the first
@@ -96,7 +103,14 @@ impl Scenario {
         self.description = format!("waypoints of {}", file.display());
         self.published.clear();
         self.correction = None;
+        self.place = file.display().to_string();
+        self.said.clear();
         Ok(self)
+    }
+
+    /// What is allowed and hardly meant, a line each, of the robot and of the job.
+    pub fn warnings(&self) -> Vec<String> {
+        unusual::warnings(self)
     }
 }
 
@@ -130,6 +144,8 @@ struct Parts<'t> {
     correction: Option<Band>,
     published: Vec<Published>,
     changes: Vec<Entry<'t>>,
+    place: String,
+    figures: Vec<Figure>,
 }
 
 fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenario, ConfigError> {
@@ -141,7 +157,7 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
         let offset = key.span().start;
         read_item(&file, home, key.get_ref(), offset, value, &mut parts)?;
     }
-    let Parts { description, system, task, correction, published, changes } = parts;
+    let Parts { description, system, task, correction, published, changes, place, figures } = parts;
     let mut system = system.ok_or_else(|| {
         file.error_of_file(
             "no system; add system = \"epuck\" (built-in) or the path of a system file (.toml)",
@@ -156,7 +172,8 @@ fn parse(name: &str, origin: &str, text: &str, home: Home<'_>) -> Result<Scenari
             "no path; add waypoints_m = [[x, y], [x, y]], waypoints_file = \"FILE.csv\" or goal_m = [x, y]";
         file.error_of_file(what)
     })?;
-    Ok(Scenario { name: name.to_owned(), description, system, task, correction, published })
+    let said = unusual::of_figures(&system, &figures);
+    Ok(Scenario { name: name.to_owned(), description, system, task, correction, published, place, said })
 }
 
 /// Reads one top-level key.
@@ -173,6 +190,9 @@ fn read_item<'t>(
     };
     let text = || value.get_ref().as_str().ok_or_else(|| wrong("text; write it in quotes"));
     let table = || value.get_ref().as_table().ok_or_else(|| wrong(&format!("a section; write [{key}]")));
+    if matches!(key, "waypoints_m" | "waypoints_file" | "goal_m") && parts.task.is_none() {
+        parts.place = file.place(offset);
+    }
     match key {
         "description" => parts.description = text()?.to_owned(),
         "system" => {
@@ -206,13 +226,13 @@ fn read_item<'t>(
             }
             parts.changes.extend(entries(changes, "set.", ""));
         }
-        "correction" => parts.correction = Some(correction(file, offset, table()?)?),
+        "correction" => parts.correction = Some(correction(file, offset, table()?, &mut parts.figures)?),
         "published" => {
             let wanted = "a list; write [[published]]";
             let list = value.get_ref().as_array().ok_or_else(|| wrong(wanted))?;
             for item in list.iter() {
                 let table = item.get_ref().as_table().ok_or_else(|| wrong(wanted))?;
-                parts.published.push(published(file, item.span().start, table)?);
+                parts.published.push(published(file, item.span().start, table, &mut parts.figures)?);
             }
         }
         _ => {
@@ -288,6 +308,8 @@ fn waypoints_file(
 mod expected;
 #[cfg(test)]
 mod tests;
+mod unusual;
 
 pub use expected::Published;
-use expected::{correction, published};
+pub(super) use expected::{CORRECTION, published_specs};
+use expected::{Figure, correction, published};

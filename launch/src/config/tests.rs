@@ -129,7 +129,10 @@ fn wrong_values_say_what_is_wanted() {
         ("[limits]\nv_max_mps = nan", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[limits]\nv_max_mps = -inf", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
         ("[limits]\nv_max_mps = 1e999", "2: limits.v_max_mps: must be a finite number, 0 to 10 m/s"),
-        ("[motors]\npulse_length_s = 1.9", "2: motors.pulse_length_s: 1.9 s is outside 0 to 0.1 s"),
+        (
+            "[motors]\npulse_length_s = 1.9",
+            "2: motors.pulse_length_s: 1.9 s is outside 0 to 0.1 s; did you mean 0.0019 (seconds, not milliseconds)?",
+        ),
         (
             "[motors]\npulse_rate_max_hz = 2000",
             "2: motors.pulse_rate_max_hz: 2000 Hz is outside 1 to 1000 Hz",
@@ -146,7 +149,7 @@ fn wrong_values_say_what_is_wanted() {
         ("[supervision]\narm_on_start = 1", "2: supervision.arm_on_start: the number 1 is not true or false"),
         (
             "[start]\ntheta_rad = 90",
-            "2: start.theta_rad: 90 rad is outside -6.3 to 6.3 rad; did you mean 1.5708 (radians, not degrees)?",
+            "2: start.theta_rad: 90 rad is outside -6.3 to 6.3 rad; did you mean 1.571 (radians, not degrees)?",
         ),
         ("robot = 3", "1: robot: the number 3 is not text; write it in quotes"),
         (
@@ -274,7 +277,10 @@ fn assignments_are_refused_like_lines_and_change_nothing() {
         ("slip_mean=0.1", r#"unknown key "slip_mean"; did you mean "plant.slip_mean"?"#),
         ("plant.slip_mean=abc", r#"plant.slip_mean: "abc" is not a number (-0.5 to 0.9)"#),
         ("plant.slip_mean=nan", "plant.slip_mean: must be a finite number, -0.5 to 0.9"),
-        ("plant.slip_mean=2", "plant.slip_mean: 2 is outside -0.5 to 0.9"),
+        (
+            "plant.slip_mean=2",
+            "plant.slip_mean: 2 is outside -0.5 to 0.9; did you mean 0.02 (a share, not percent)?",
+        ),
         ("plant.slip_mean", "write KEY=VALUE, for example plant.slip_mean=0.05"),
         ("limits=3", "limits is a section; write [limits] once and its keys below"),
         ("supervision.arm_on_start=1", r#"supervision.arm_on_start: "1" is not true or false"#),

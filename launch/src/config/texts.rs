@@ -13,6 +13,8 @@ pub struct TextSpec {
     pub default: &'static str,
     /// Allowed values; empty if free.
     pub choices: fn() -> Vec<&'static str>,
+    /// Regular expression that free text matches (of ECMA 262, for editors); `None` for any.
+    pub pattern: fn() -> Option<String>,
     /// What it is.
     pub doc: &'static str,
 }
@@ -22,6 +24,7 @@ pub(super) static ROBOT: TextSpec = TextSpec {
     name: "robot",
     default: "epuck",
     choices: Vec::new,
+    pattern: || Some("^[a-z0-9][a-z0-9_-]{0,31}$".to_owned()),
     doc: "Name of the robot: 1 to 32 of a-z, 0-9, - and _.",
 };
 
@@ -30,6 +33,7 @@ pub(super) static CHASSIS: TextSpec = TextSpec {
     name: "kind",
     default: "differential",
     choices: || vec!["differential", "mecanum"],
+    pattern: || None,
     doc: "What kind of chassis it is.",
 };
 
@@ -38,6 +42,7 @@ pub(super) static MOTORS: TextSpec = TextSpec {
     name: "kind",
     default: "stepper",
     choices: || vec!["stepper", "servo"],
+    pattern: || None,
     doc: "What turns the wheels.",
 };
 
@@ -46,6 +51,7 @@ pub(super) static ACCEPTANCE: TextSpec = TextSpec {
     name: "acceptance",
     default: AS_THE_LAW_ASKS,
     choices: || core::iter::once(AS_THE_LAW_ASKS).chain(Acceptance::ALL.map(Acceptance::name)).collect(),
+    pattern: || None,
     doc: "Where a waypoint is accepted: on the rim of its circle, at the bisector of the corner, also when passed, or as the law asks.",
 };
 
@@ -57,6 +63,7 @@ pub(super) static ESTIMATOR: TextSpec = TextSpec {
     name: "kind",
     default: EstimatorKind::ALL[0].name(),
     choices: || EstimatorKind::ALL.map(EstimatorKind::name).to_vec(),
+    pattern: || None,
     doc: "Where the pose comes from.",
 };
 
@@ -65,6 +72,7 @@ pub(super) static LAW: TextSpec = TextSpec {
     name: "law",
     default: LAWS[0].name,
     choices: || LAWS.iter().map(|law| law.name).collect(),
+    pattern: || None,
     doc: "The control law that drives.",
 };
 
@@ -73,6 +81,7 @@ pub(super) static EXEC: TextSpec = TextSpec {
     name: "exec",
     default: "",
     choices: Vec::new,
+    pattern: || None,
     doc: "An executable that drives instead of the law, relative to this file; empty for none. The law still says where waypoints are accepted.",
 };
 
@@ -81,6 +90,7 @@ pub(super) static STANDBY: TextSpec = TextSpec {
     name: "standby",
     default: "",
     choices: Vec::new,
+    pattern: || Some(law_or_program(&(LAW.choices)())),
     doc: "Law (or executable: a name with a /) of a second controller that takes over within the tick; empty for none.",
 };
 
@@ -97,5 +107,11 @@ pub(super) static MAP: TextSpec = TextSpec {
     name: "map",
     default: "",
     choices: Vec::new,
+    pattern: || None,
     doc: "Map to plan on: a file (.yaml, .map, .json, .toml, .csv), relative to this one, or built in (platform); empty for none.",
 };
+
+/// The expression for one of `laws`, a program (a name with a `/`), or nothing.
+pub(super) fn law_or_program(laws: &[&str]) -> String {
+    format!("^({}|.*/.*|)$", laws.join("|"))
+}

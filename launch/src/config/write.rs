@@ -39,17 +39,20 @@ fn allowed(key: &Key) -> String {
     }
 }
 
-fn value(system: &System, section: Section, key: &Key) -> String {
+/// The value of a key, as it stands in a file.
+pub(super) fn value(system: &System, section: Section, key: &Key) -> String {
     match key.form {
         Form::Text(spec) => toml::Value::from(text_value(system, section, spec)).to_string(),
-        Form::Number(spec) => {
-            let value = section.get(system, key.name).unwrap_or(spec.default);
-            match spec.kind {
-                ParamKind::Switch => (value != 0.0).to_string(),
-                ParamKind::Integer => format!("{value}"),
-                // The shortest text that reads back to the same bits.
-                ParamKind::Real => format!("{value:?}"),
-            }
-        }
+        Form::Number(spec) => number(spec, section.get(system, key.name).unwrap_or(spec.default)),
+    }
+}
+
+/// A number or switch, as it stands in a file.
+pub(super) fn number(spec: &ParamSpec, value: f64) -> String {
+    match spec.kind {
+        ParamKind::Switch => (value != 0.0).to_string(),
+        ParamKind::Integer => format!("{value}"),
+        // The shortest text that reads back to the same bits.
+        ParamKind::Real => format!("{value:?}"),
     }
 }

@@ -11,10 +11,12 @@ mod janitor;
 mod sweeper;
 
 pub use bare::{BareInput, BareOutput};
+pub use hilare_interfaces::export::{layout_value, service_of};
 pub use janitor::Janitor;
 pub use sweeper::Sweeper;
 
 use crate::private;
+use hilare_interfaces::export::LAYOUT;
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::wires::{WIRES, Wire};
 use iceoryx2::config::Config;
@@ -294,19 +296,6 @@ pub const fn max_publishers(wire: &Wire) -> usize {
 
 fn max_subscribers(wire: &Wire) -> usize {
     wire.to.len() + if wire.is_watch() { MAX_OBSERVERS } else { 8 }
-}
-
-/// Name of a wire's service.
-pub fn service_of(wire: &Wire) -> String {
-    format!("hilare/{}", wire.name)
-}
-
-/// The service attribute both ends of a wire compare before they talk.
-pub const LAYOUT: &str = "layout";
-
-/// Its value: the layout hash of the wire's messages, and the version.
-pub fn layout_value(wire: &Wire) -> String {
-    format!("{:016x} {}", wire.layout_hash, env!("CARGO_PKG_VERSION"))
 }
 
 fn layout_attribute(wire: &Wire) -> Result<AttributeSpecifier, TransportError> {

@@ -1,8 +1,8 @@
 //! What a search is: the plan that is kept beside its log, and all that comes of it.
 
 use super::TuneArgs;
-use crate::cli::refused;
 use crate::cli::run::{path_of, set_with_drivers};
+use crate::cli::{refused, warn};
 use crate::config::{Scenario, System};
 use crate::manager::Failure;
 use crate::tuning::judge::Judge;
@@ -128,6 +128,7 @@ fn course(plan: &Plan, name: &str) -> Result<Course, Failure> {
     if !law.chassis.contains(&kind) {
         return Err(refused(format!("{name}: {} does not drive its {kind} chassis", law.name)));
     }
+    warn(&scenario.warnings());
     let map = scenario.system.load_map().map_err(refused)?;
     let waypoints = path_of(&scenario, map.as_ref())?;
     Ok(Course { scenario, waypoints })

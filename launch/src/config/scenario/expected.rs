@@ -59,6 +59,28 @@ static BAND_HEADING: ParamSpec = ParamSpec {
     ..CROSS_TRACK
 };
 
+static STEADY: ParamSpec = ParamSpec {
+    name: "steady_cross_track_m",
+    doc: "Greatest cross-track distance once the deviation is corrected.",
+    ..CROSS_TRACK
+};
+
+/// The numbers of `[correction]`.
+pub(in super::super) static CORRECTION: [&ParamSpec; 2] = [&BAND, &BAND_HEADING];
+
+/// The numbers of `[[published]]`.
+pub(in super::super) fn published_specs() -> [&'static ParamSpec; 5] {
+    [&CROSS_TRACK, &SPEED_ERROR, &CORRECTION_TIME, &CORRECTION_TRAVEL, &STEADY]
+}
+
+/// A number as it was written.
+pub(super) struct Figure {
+    pub place: String,
+    pub section: &'static str,
+    pub spec: &'static ParamSpec,
+    pub value: f64,
+}
+
 /// Values the verdict shows beside ours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Published {
@@ -76,16 +98,17 @@ pub struct Published {
     pub steady_cross_track_m: Option<f64>,
 }
 
-/// Key and value of each line of a table, in the file's order, with how to say what is wrong with it.
+/// Key, value and place of each line of a table, in the file's order, with how to say what is wrong with it.
 fn lines<'t>(
     file: &'t Document<'_>,
     table: &'t DeTable<'_>,
-) -> impl Iterator<Item = (&'t str, Value<'t>, impl Fn(String) -> ConfigError + 't)> {
+) -> impl Iterator<Item = (&'t str, Value<'t>, String, impl Fn(String) -> ConfigError + 't)> {
     let mut items: Vec<_> = table.iter().collect();
     items.sort_by_key(|(key, _)| key.span().start);
     items.into_iter().map(move |(key, value)| {
-        let error = move |what: String| file.error(key.span().start, what);
-        (key.get_ref().as_ref(), Value::new(value.get_ref()), error)
+        let offset = key.span().start;
+        let error = move |what: String| file.error(offset, what);
+        (key.get_ref().as_ref(), Value::new(value.get_ref()), file.place(offset), error)
     })
 }
 
@@ -93,12 +116,17 @@ pub(super) fn correction(
     file: &Document<'_>,
     offset: usize,
     table: &DeTable<'_>,
+    figures: &mut Vec<Figure>,
 ) -> Result<Band, ConfigError> {
     let mut cross_track_m = None;
     let mut heading_rad = BAND_HEADING.default;
-    for (name, value, error) in lines(file, table) {
-        let number =
-            |spec| check_number(spec, &value).map_err(|what| error(format!("correction.{name}: {what}")));
+    for (name, value, place, error) in lines(file, table) {
+        let mut number = |spec| {
+            let value =
+                check_number(spec, &value).map_err(|what| error(format!("correction.{name}: {what}")))?;
+            figures.push(Figure { place: place.clone(), section: "correction", spec, value });
+            Ok(value)
+        };
         match name {
             "cross_track_m" => cross_track_m = Some(number(&BAND)?),
             "heading_rad" => heading_rad = number(&BAND_HEADING)?,
@@ -117,11 +145,16 @@ pub(super) fn published(
     file: &Document<'_>,
     offset: usize,
     table: &DeTable<'_>,
+    figures: &mut Vec<Figure>,
 ) -> Result<Published, ConfigError> {
     let mut row = Published::default();
-    for (name, value, error) in lines(file, table) {
-        let number =
-            |spec| check_number(spec, &value).map_err(|what| error(format!("published.{name}: {what}")));
+    for (name, value, place, error) in lines(file, table) {
+        let mut number = |spec| {
+            let value =
+                check_number(spec, &value).map_err(|what| error(format!("published.{name}: {what}")))?;
+            figures.push(Figure { place: place.clone(), section: "published", spec, value });
+            Ok(value)
+        };
         match (name, &value) {
             ("source", Value::Text(text)) => row.source = (*text).to_owned(),
             ("source", _) => {
@@ -134,7 +167,7 @@ pub(super) fn published(
             ("speed_error_mean_mps", _) => row.speed_error_mean_mps = Some(number(&SPEED_ERROR)?),
             ("correction_time_s", _) => row.correction_time_s = Some(number(&CORRECTION_TIME)?),
             ("correction_travel_m", _) => row.correction_travel_m = Some(number(&CORRECTION_TRAVEL)?),
-            ("steady_cross_track_m", _) => row.steady_cross_track_m = Some(number(&CROSS_TRACK)?),
+            ("steady_cross_track_m", _) => row.steady_cross_track_m = Some(number(&STEADY)?),
             _ => {
                 let choices = suggest::choices(name, "known", PUBLISHED_KEYS);
                 return Err(error(format!("unknown key {} in [[published]]{choices}", quoted(name))));

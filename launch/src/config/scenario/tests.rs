@@ -196,7 +196,10 @@ fn changes_are_checked_like_a_system_file() {
             r#"4: unknown key "slip_men" in [set.plant]; did you mean "slip_mean"?"#,
         ),
         ("[set.plnt]\nslip_mean = 1", "3: unknown section [set.plnt]; did you mean [set.plant]?"),
-        ("[set.plant]\nslip_mean = 2", "4: set.plant.slip_mean: 2 is outside -0.5 to 0.9"),
+        (
+            "[set.plant]\nslip_mean = 2",
+            "4: set.plant.slip_mean: 2 is outside -0.5 to 0.9; did you mean 0.02 (a share, not percent)?",
+        ),
         ("[start]\nx_mm = 2", r#"4: unknown key "x_mm" in [start]; the key is x_m, in metres"#),
         (
             "[set.limits]\nv_max_mps = 1\nv_min_mps = 2",

@@ -56,7 +56,7 @@ param_group! {
         /// Least radius of an arc; twice the tolerance if that is more.
         radius_min_m: f64 = 0.01, "m", 1e-4, 1000.0;
         /// Greatest radius of an arc; what is flatter is a line.
-        radius_max_m: f64 = 1000.0, "m", 0.1, 1e6;
+        radius_max_m: f64 = 1000.0, "m", 0.1, 1e5;
     }
 }
 

@@ -1,11 +1,13 @@
 //! The wires as a header for C11 and C++17.
 
-use super::{WIDTH, about, messages, plain, shout, snake};
-use crate::shell::transport::{LAYOUT, layout_value, service_of};
-use hilare_interfaces::block::TICK_S;
-use hilare_interfaces::layout::{Field, Layout};
-use hilare_interfaces::messages::{CODES, CodeTable};
-use hilare_interfaces::wires::WIRES;
+use super::{LAYOUT, WIDTH, about, layout_value, messages, plain, service_of, shout, snake};
+use crate::block::TICK_S;
+use crate::layout::{Field, Layout};
+use crate::messages::{CODES, CodeTable};
+use crate::wires::WIRES;
+use alloc::borrow::ToOwned;
+use alloc::format;
+use alloc::string::String;
 
 const HEAD: &str =
     "/* The wires of hilare for C11 and C++17. Printed by `hilare diagram --header c`; do not edit.

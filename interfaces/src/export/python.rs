@@ -1,11 +1,13 @@
 //! The wires as a Python module of ctypes structures, as iceoryx2's Python binding wants them.
 
-use super::{WIDTH, about, messages, plain, shout};
-use crate::shell::transport::{LAYOUT, layout_value, service_of};
-use hilare_interfaces::block::TICK_S;
-use hilare_interfaces::layout::{Field, Layout};
-use hilare_interfaces::messages::{CODES, CodeTable};
-use hilare_interfaces::wires::{WIRES, Wire};
+use super::{LAYOUT, WIDTH, about, layout_value, messages, plain, service_of, shout};
+use crate::block::TICK_S;
+use crate::layout::{Field, Layout};
+use crate::messages::{CODES, CodeTable};
+use crate::wires::{WIRES, Wire};
+use alloc::borrow::ToOwned;
+use alloc::format;
+use alloc::string::String;
 
 const HEAD: &str = "\"\"\"The wires of hilare. Printed by `hilare diagram --header python`; do not edit.
 

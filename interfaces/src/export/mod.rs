@@ -1,33 +1,45 @@
-//! `hilare diagram --header`: the wires for programs in other languages.
+//! The wires for programs in other languages: a header for C and C++, a module of ctypes structures for Python.
 //!
 //! Written from the wire table and the layouts of its messages; there is no second list. What a field is
-//! stands beside it, in the words of its documentation.
+//! stands beside it, in the words of its documentation. `hilare diagram --header` prints them. A feature of this
+//! crate (`export`), because text needs a heap and the boxes have none.
 
 mod c;
 mod python;
 
-use super::diagram::rate;
-use clap::ValueEnum;
-use hilare_interfaces::layout::Layout;
-use hilare_interfaces::wires::{WIRES, Wire};
+use crate::layout::Layout;
+use crate::wires::{Rate, WIRES, Wire};
+use alloc::borrow::ToOwned;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+pub use c::text as c;
+pub use python::text as python;
 
 /// Columns of a line.
 const WIDTH: usize = 108;
 
-/// A language the wires can be printed in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Language {
-    /// A header for C11 and C++17
-    C,
-    /// A module of ctypes structures
-    Python,
+/// Name of a wire's service.
+pub fn service_of(wire: &Wire) -> String {
+    format!("hilare/{}", wire.name)
 }
 
-/// The whole file.
-pub fn text(language: Language) -> String {
-    match language {
-        Language::C => c::text(),
-        Language::Python => python::text(),
+/// The service attribute both ends of a wire compare before they talk.
+pub const LAYOUT: &str = "layout";
+
+/// Its value: the layout hash of the wire's messages, and the version.
+pub fn layout_value(wire: &Wire) -> String {
+    format!("{:016x} {}", wire.layout_hash, env!("CARGO_PKG_VERSION"))
+}
+
+/// How often a wire carries a message, in words.
+pub fn rate(wire: &Wire) -> String {
+    match wire.rate {
+        Rate::EveryTick => "1 kHz".to_owned(),
+        Rate::EveryPeriod => "every control period".to_owned(),
+        Rate::OnDemand => "on demand".to_owned(),
+        Rate::Hertz(hertz) => format!("{hertz} Hz"),
     }
 }
 
@@ -53,7 +65,8 @@ fn collect(message: Layout, found: &mut Vec<Layout>) {
 /// Who writes a wire, who reads it, how often, what it is.
 fn about(wire: &Wire) -> String {
     let writers: Vec<_> = wire.from.iter().map(|role| role.name()).collect();
-    let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).collect();
+    let observers = wire.is_watch().then_some("observers");
+    let readers: Vec<_> = wire.to.iter().map(|reader| reader.role.name()).chain(observers).collect();
     let payload = wire.element.map_or(String::new(), |element| format!(", then {}s", element.ident));
     format!(
         "{} -> {}, {}: {}. {}{payload}.",
@@ -101,7 +114,7 @@ fn shout(ident: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hilare_interfaces::messages::CODES;
+    use crate::messages::CODES;
 
     #[test]
     fn messages_come_after_those_they_consist_of() {
