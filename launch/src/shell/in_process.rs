@@ -1,6 +1,7 @@
 //! All boxes in one thread: the same `step`s in the same order as the processes take them, without
 //! wires. For the tuner, the tests and quick answers.
 
+use super::checkpoint::StateRoom;
 use super::{ClockKind, build};
 use crate::config::System;
 use hilare_controller::{Controller, ControllerInputs, Identity};
@@ -17,6 +18,9 @@ use hilare_recorder::{RunRecord, TickRecord};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use rustix::time::{ClockId, clock_gettime};
+
+/// Who its controller is.
+const IDENTITY: Identity = Identity { source: 1, epoch: 1 };
 
 /// The whole system in one thread.
 pub struct InProcess {
@@ -41,7 +45,6 @@ pub struct InProcess {
 impl InProcess {
     /// Armed, at the start pose, with a path to follow.
     pub fn new(system: &System, waypoints: &[Waypoint]) -> Result<Self, String> {
-        let identity = Identity { source: 1, epoch: 1 };
         let mut generator = build::step_generator(system, ClockKind::InProcess);
         let authority =
             Authority { seq: 1, mode: Mode::Armed.code(), term: 1, source: 1, epoch: 1, ..Authority::ZERO };
@@ -55,7 +58,7 @@ impl InProcess {
             generator,
             estimator: build::pose_estimator(system),
             selector: build::waypoint_selector(system),
-            controller: build::controller(system, system.controller.law, identity)?,
+            controller: build::controller(system, system.controller.law, IDENTITY)?,
             plant,
             encoders: system.motors.has_encoders(),
             path: Some(waypoints.to_vec()),
@@ -66,6 +69,29 @@ impl InProcess {
         };
         robot.pose = robot.estimate();
         Ok(robot)
+    }
+
+    /// Goes on with other parameters from the next tick on, as processes do ([`super::renewal`]): a system that
+    /// differs from the one it was built of in live keys only.
+    pub fn change(&mut self, system: &System) -> Result<(), String> {
+        let mut room = StateRoom::default();
+        let mut controller = build::controller(system, system.controller.law, IDENTITY)?;
+        controller.take_over(&mut self.controller, room.all());
+        self.controller = controller;
+        let mut plant = build::plant(system)?;
+        plant.take_over(&mut self.plant);
+        self.plant = plant;
+        let mut estimator = build::pose_estimator(system);
+        estimator.take_over(&mut self.estimator);
+        self.estimator = estimator;
+        self.selector.set_tracking(system.tracking, system.acceptance());
+        self.generator.set_limits(system.limits);
+        Ok(())
+    }
+
+    /// Ticks executed.
+    pub const fn executed(&self) -> Tick {
+        self.tick
     }
 
     /// The pose after what the plant showed last.
