@@ -48,7 +48,7 @@ enum ParamVerb {
         Exit codes: 0 changed (or so already), 1 refused by the robot (nothing was changed), 2 wrong use: no such key, out of bounds, not while it is up.")]
     Set {
         /// Assignments
-        #[arg(value_name = "KEY=VALUE", required = true, allow_hyphen_values = true)]
+        #[arg(value_name = "KEY=VALUE", required = true)]
         set: Vec<String>,
         #[command(flatten)]
         robot: RobotArgs,
@@ -141,10 +141,10 @@ fn table(system: &System, keys: &[Key]) -> String {
         })
         .collect();
     let heads = ["key", "value", "allowed", "default", "while it drives"].map(str::to_owned);
-    let widths = [0, 1, 2, 3].map(|n| {
+    let widths = [(0, 60), (1, 28), (2, 32), (3, 28)].map(|(n, most): (usize, usize)| {
         let longest = rows.iter().chain([&heads]).map(|row| row[n].chars().count()).max().unwrap_or(0);
         // A long list of choices shifts its own line only.
-        longest.min(40)
+        longest.min(most)
     });
     let mut text = String::new();
     for row in [&heads].into_iter().chain(&rows) {

@@ -131,6 +131,9 @@ impl Manager {
         }
         for (n, assignment) in set.iter().enumerate() {
             let path = key_of(assignment);
+            if !assignment.contains('=') {
+                return Err(format!("{assignment:?}: write KEY=VALUE, for example tracking.speed_mps=0.03"));
+            }
             if let Ok(key) = before.key(path)
                 && let Liveness::Fixed(instead) = key.liveness()
             {

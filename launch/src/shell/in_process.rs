@@ -89,11 +89,6 @@ impl InProcess {
         Ok(())
     }
 
-    /// Ticks executed.
-    pub const fn executed(&self) -> Tick {
-        self.tick
-    }
-
     /// The pose after what the plant showed last.
     #[inline]
     fn estimate(&mut self) -> Pose {
@@ -170,6 +165,22 @@ impl InProcess {
             record.statistics.note_arrival();
         }
         record
+    }
+
+    /// The same with other parameters from some ticks on, the first first.
+    pub fn run_changing(&mut self, max_ticks: Tick, changes: &[(Tick, System)]) -> Result<RunRecord, String> {
+        let mut record = RunRecord::new(self.period_ticks);
+        for (tick, system) in changes {
+            self.drive((*tick).min(max_ticks), |tick| record.push(tick));
+            if self.tick == *tick {
+                self.change(system)?;
+            }
+        }
+        self.drive(max_ticks, |tick| record.push(tick));
+        if self.arrived() {
+            record.statistics.note_arrival();
+        }
+        Ok(record)
     }
 
     /// The figures of [`Self::run`], without its curves; `watch` sees the step generator after every tick.
