@@ -34,6 +34,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "plan",
         "tune",
         "reproduce",
+        "param",
         "latency",
         "topic",
         "diagram",

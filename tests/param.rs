@@ -127,8 +127,9 @@ fn changes_at_one_tick(more: &[&str], changes: &[(&[&str], &[&str])]) {
     assert!(text(&status, "last_param_change").contains("from tick"), "{status}");
     assert_eq!(number(&status, "cycles_without_command"), 0.0, "{status}");
     assert_eq!(number(&status, "commands_rejected"), 0.0, "{status}");
-    robot.down();
+    robot.tell(&["down"]);
     let noted = noted(&echo.wait(PATIENCE).stdout);
+    lab.assert_nothing_left("a robot whose parameters were changed");
     for (n, (answer, (_, boxes))) in answers.iter().zip(changes).enumerate() {
         let tick = number(answer, "tick") as u64;
         assert_eq!(tick % 5, 0, "the beginning of a control period: {answer}");

@@ -113,12 +113,17 @@ impl Manager {
     pub(super) fn begin_param(&mut self, set: &[String], reply: &Sender<Response>) {
         let response = match self.check_param(set) {
             Err(why) => Response::wrong_use(why),
-            Ok((_, changes)) if changes.is_empty() => self.nothing_to_change(set),
-            Ok((system, changes)) => match self.start_param(system, changes, reply) {
-                Ok(None) => return,
-                Ok(Some(done)) => done,
-                Err(why) => Response::refused(why),
-            },
+            Ok((system, changes)) => {
+                let started = self.may_change().and_then(|()| match changes.is_empty() {
+                    true => Ok(Some(self.nothing_to_change(set))),
+                    false => self.start_param(system, changes, reply),
+                });
+                match started {
+                    Ok(None) => return,
+                    Ok(Some(done)) => done,
+                    Err(why) => Response::refused(why),
+                }
+            }
         };
         let _ = reply.send(response);
     }
@@ -213,7 +218,6 @@ impl Manager {
         changes: Vec<(Key, Changed)>,
         reply: &Sender<Response>,
     ) -> Result<Option<Response>, String> {
-        self.may_change()?;
         let slots = self.concerned(&changes, &system);
         let clock = self.slot_at_work(Role::StepGenerator);
         if let Some(slot) = slots.iter().copied().chain(clock).find(|slot| !self.is_at_work(*slot)) {
