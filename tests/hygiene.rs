@@ -247,7 +247,8 @@ fn system_calls(lab: &Lab, name: &str, pid: i32) -> BTreeMap<String, u64> {
     for line in fs::read_to_string(&log).expect("a log").lines() {
         // `1234 futex(0x…` or `1234 <... futex resumed>…`: the second ends one that is counted already.
         // What sleeps beside the loop is another thread.
-        let (thread, call) = line.split_once(' ').map_or(("", ""), |(thread, call)| (thread, call.trim_start()));
+        let (thread, call) =
+            line.split_once(' ').map_or(("", ""), |(thread, call)| (thread, call.trim_start()));
         if thread != pid.to_string() {
             continue;
         }
