@@ -36,6 +36,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "compare",
         "tune",
         "reproduce",
+        "param",
         "latency",
         "top",
         "topic",

@@ -1,5 +1,6 @@
 //! What the boxes on the tick do and do not do while the robot drives: no allocation, no lock, no page fault, no
-//! system call but the sleep and the wake-up, no thread in real time but their own.
+//! system call but the sleep and the wake-up, no thread in real time but their own; nor while parameters change.
+//! What is counted is what the thread of the loop does.
 
 mod support;
 
@@ -60,6 +61,15 @@ impl<'l> Robot<'l> {
         ON_THE_TICK.iter().map(|name| (*name, pid_of(&status, name))).collect()
     }
 
+    /// Other parameters for every box on the tick.
+    fn change(&self) {
+        let limits = ["limits.v_max_mps=0.035", "limits.accel_mps2=0.5"];
+        let others = ["tracking.speed_mps=0.03", "plant.slip_mean=0.01", "plant.track_error=0.001"];
+        let laws = ["controller.kanayama.k1_per_s=0.5", "controller.drive_lag_s=0.01"];
+        let filter = ["estimator.history_ticks=500", "camera.delay_ticks=100"];
+        self.tell(&[&["param", "set"], &limits[..], &others, &laws, &filter].concat());
+    }
+
     fn tick(&self) -> f64 {
         number(&self.status(), "tick")
     }
@@ -93,6 +103,9 @@ extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_real
 extern void *__libc_memalign(size_t, size_t), __libc_free(void *);
 static unsigned long before[3], *counts = before;
 static int (*lock)(pthread_mutex_t *);
+/* The loop is the first thread; what sleeps beside it may build and free. */
+static __thread int whose;
+static int of_the_loop(void) { return (whose ? whose : (whose = gettid() == getpid() ? 1 : 2)) == 1; }
 
 __attribute__((constructor)) static void begin(void) {
     const char *dir = getenv("HILARE_TEST_COUNT_DIR");
@@ -106,7 +119,7 @@ __attribute__((constructor)) static void begin(void) {
     close(file);
 }
 
-static void count(int what) { __atomic_fetch_add(&counts[what], 1, __ATOMIC_RELAXED); }
+static void count(int what) { if (of_the_loop()) __atomic_fetch_add(&counts[what], 1, __ATOMIC_RELAXED); }
 void *malloc(size_t n) { count(n == 48 ? 2 : 0); return __libc_malloc(n); }
 void *calloc(size_t n, size_t m) { count(0); return __libc_calloc(n, m); }
 void *realloc(void *p, size_t n) { count(0); return __libc_realloc(p, n); }
@@ -139,34 +152,45 @@ fn counted(dir: &Path, pid: i32) -> [u64; 3] {
 
 #[test]
 fn while_it_drives_nothing_is_allocated_and_nothing_locked() {
+    // A message a tick and box, or five of them in a look.
+    nothing_is_allocated("while_it_drives_nothing_is_allocated_and_nothing_locked", &[], 1.0);
+}
+
+/// Encoders, camera and filter: the plant and the filter say more.
+#[test]
+fn while_a_filter_reckons_nothing_is_allocated_and_nothing_locked() {
+    let test = "while_a_filter_reckons_nothing_is_allocated_and_nothing_locked";
+    nothing_is_allocated(test, &["estimator.kind=ekf"], 2.2);
+}
+
+fn nothing_is_allocated(test: &str, set: &[&str], messages_a_tick: f64) {
     let _machine = whole_machine();
     let lab = Lab::new();
     let Some(library) = counting_library(&lab) else {
-        return skip("while_it_drives_nothing_is_allocated_and_nothing_locked", "no C compiler (cc)");
+        return skip(test, "no C compiler (cc)");
     };
     let dir = lab.dir().join("counts");
     fs::create_dir(&dir).expect("a directory");
-    let robot = Robot::up(
-        &lab,
-        |up| {
-            up.env("LD_PRELOAD", &library).env("HILARE_TEST_COUNT_DIR", &dir);
-        },
-        &[],
-    );
+    let count = |up: &mut Command| {
+        up.env("LD_PRELOAD", &library).env("HILARE_TEST_COUNT_DIR", &dir);
+    };
+    let robot = Robot::up(&lab, count, set);
     robot.drive();
     let pids = robot.pids();
     let planner = pid_of(&robot.status(), "planner");
     let before: Vec<[u64; 3]> = pids.iter().map(|(_, pid)| counted(&dir, *pid)).collect();
     let (planner_before, from) = (counted(&dir, planner), robot.tick());
-    std::thread::sleep(LOOK);
+    std::thread::sleep(LOOK / 2);
+    robot.change();
+    std::thread::sleep(LOOK / 2);
     let to = robot.tick();
     for ((name, pid), before) in pids.iter().zip(before) {
         assert!(before[0] > 100, "{name} has counted nothing: {before:?}");
         let now = counted(&dir, *pid);
         println!("{name}: {} blocks of messages lent and sent", now[2] - before[2]);
         assert_eq!(now[..2], before[..2], "{name}: allocations and locks in {} ticks", to - from);
-        // A message a tick, or five of them in a look; heartbeats; what came while it was looked at.
-        let messages = (to - from) * 1.1 + 60.0;
+        // Heartbeats; what came while it was looked at.
+        let messages = (to - from) * 1.1 * messages_a_tick + 60.0;
         assert!((now[2] - before[2]) as f64 <= 2.0 * messages, "{name}: {before:?}, {now:?}");
     }
     assert!(to - from > 500.0, "it drove {} ticks", to - from);
@@ -178,9 +202,9 @@ fn while_it_drives_nothing_is_allocated_and_nothing_locked() {
     lab.assert_nothing_left("a robot that was counted");
 }
 
-/// Page faults of a process so far, minor and major.
+/// Page faults of the first thread of a process so far, minor and major.
 fn page_faults(pid: i32) -> [u64; 2] {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
+    let stat = fs::read_to_string(format!("/proc/{pid}/task/{pid}/stat")).expect("it runs");
     let after = stat.rsplit_once(')').expect("its name").1;
     let fields: Vec<&str> = after.split_whitespace().collect();
     [7, 9].map(|at| fields[at].parse().expect("a number"))
@@ -199,7 +223,9 @@ fn while_it_drives_no_page_is_missing() {
     let before: Vec<_> = pids.iter().map(|(_, pid)| page_faults(*pid)).collect();
     // The first ticks, too: none waits for a page that was never there.
     robot.drive();
-    std::thread::sleep(LOOK);
+    std::thread::sleep(LOOK / 2);
+    robot.change();
+    std::thread::sleep(LOOK / 2);
     for ((name, pid), before) in pids.iter().zip(before) {
         assert_eq!(page_faults(*pid), before, "{name}: minor and major page faults");
     }
@@ -220,7 +246,12 @@ fn system_calls(lab: &Lab, name: &str, pid: i32) -> BTreeMap<String, u64> {
     let mut calls = BTreeMap::new();
     for line in fs::read_to_string(&log).expect("a log").lines() {
         // `1234 futex(0x…` or `1234 <... futex resumed>…`: the second ends one that is counted already.
-        let call = line.split_once(' ').map_or("", |(_, call)| call.trim_start());
+        // What sleeps beside the loop is another thread.
+        let (thread, call) =
+            line.split_once(' ').map_or(("", ""), |(thread, call)| (thread, call.trim_start()));
+        if thread != pid.to_string() {
+            continue;
+        }
         if let Some((name, _)) = call.split_once('(').filter(|_| !call.starts_with('<')) {
             *calls.entry(name.to_owned()).or_default() += 1;
         }

@@ -5,7 +5,7 @@ mod support;
 
 use hilare::config::System;
 use hilare::recording::wires::RECORDED;
-use hilare::recording::{Entry, Heard, Recording, RunInfo, Settings, Tape};
+use hilare::recording::{Entry, Recording, RunInfo, Settings, Tape};
 use hilare::shell::in_process::InProcess;
 use hilare_interfaces::hostile::{self, cases};
 use hilare_interfaces::layout::{WireField, WireMessage};
@@ -33,26 +33,12 @@ fn drive(dir: &Path, length_m: f64, keys: &[&str]) -> (PathBuf, Vec<Entry>) {
     let mut entries = Vec::new();
     robot.run_heard(100_000, |heard| {
         tape.hear(heard);
-        entries.push(owned(heard));
+        entries.push(heard.kept());
     });
     let report = tape.finish(None);
     assert!(report.complete, "{report:?}");
     assert_eq!(report.messages, entries.len() as u64);
     (file, entries)
-}
-
-fn owned(heard: Heard<'_>) -> Entry {
-    match heard {
-        Heard::Path(header, waypoints) => Entry::Path(*header, waypoints.to_vec()),
-        Heard::Authority(message) => Entry::Authority(*message),
-        Heard::Steps(message) => Entry::Steps(*message),
-        Heard::Wheels(message) => Entry::Wheels(*message),
-        Heard::Fix(message) => Entry::Fix(*message),
-        Heard::Pose(message) => Entry::Pose(*message),
-        Heard::Truth(message) => Entry::Truth(*message),
-        Heard::Reference(message) => Entry::Reference(*message),
-        Heard::Command(message) => Entry::Command(*message),
-    }
 }
 
 /// Wire and bits: what a message is, also where a number is none.

@@ -256,6 +256,9 @@ enum hilare_journal_kind {
     /* A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0
      * refused; path id. */
     HILARE_JOURNAL_KIND_GOAL = 6,
+    /* Parameters were changed; from this tick on what the box does it does with the new ones: number of
+     * the change; number of its system file; the tick it was meant for. */
+    HILARE_JOURNAL_KIND_PARAM = 7,
 };
 
 #define HILARE_GOAL_HEADER_NAME "hilare/GoalHeader/v1"

@@ -142,6 +142,9 @@ class JournalKind(enum.IntEnum):
     # A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0 refused;
     # path id.
     GOAL = 6
+    # Parameters were changed; from this tick on what the box does it does with the new ones: number of the
+    # change; number of its system file; the tick it was meant for.
+    PARAM = 7
 
 
 def _check(message, size, **offsets):

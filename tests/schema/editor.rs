@@ -3,7 +3,7 @@
 
 use super::mutate::{File, other_units, root, sites, slips, wrong_values};
 use super::support::random::Random;
-use super::support::{self, Lab, Running, python_with, skip};
+use super::support::{self, Lab, Running, python_with};
 use hilare::config::{Form, Key, System, keys};
 use hilare_interfaces::params::ParamKind;
 use serde_json::Value;
@@ -40,10 +40,7 @@ fn the_copies_are_what_the_command_prints() {
 
 /// What the schema says of each text; `None` if there is nobody to ask.
 fn judged(test: &str, lab: &Lab, scenario: bool, texts: &[String]) -> Option<Vec<String>> {
-    let Some(python) = python_with("jsonschema, tomllib") else {
-        skip(test, "there is no Python with jsonschema (tests/run installs it)");
-        return None;
-    };
+    let python = python_with(test, "jsonschema, tomllib")?;
     let copy = if scenario { COPIES[1] } else { COPIES[0] };
     let schema = lab.file("schema.json", lab.hilare(copy.1).expect_code(0).stdout);
     let lines: String = texts.iter().map(|text| format!("{}\n", Value::from(text.as_str()))).collect();

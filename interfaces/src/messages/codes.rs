@@ -205,5 +205,8 @@ code_enum! {
         /// A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0 refused;
         /// path id; 1 if the clock or a newer goal cut the search short.
         Goal = 6, "goal";
+        /// Parameters were changed; from this tick on what the box does it does with the new ones: number of the
+        /// change; number of its system file; the tick it was meant for.
+        Param = 7, "param";
     }
 }

@@ -11,6 +11,7 @@ mod ending;
 mod fit;
 mod latency;
 mod operate;
+mod param;
 mod plan;
 mod plot;
 mod record;
@@ -146,6 +147,13 @@ enum Verb {
         hilare swap waypoint_selector --set tracking.speed_mps=0.03\n\
         Exit codes: 0 done, 1 refused (the old one stays), 2 wrong use.")]
     Swap(operate::SwapArgs),
+    /// List, print and change parameters, while the robot drives
+    #[command(
+        after_help = "Examples:\n  hilare param list tracking\n  hilare param get tracking.speed_mps\n  \
+        hilare param set tracking.speed_mps=0.03 limits.v_max_mps=0.05\n\
+        Exit codes: 0 done, 1 refused by the robot (nothing was changed), 2 wrong use or no such robot."
+    )]
+    Param(param::ParamArgs),
     /// Measure how punctual a robot is here, beside a bare timer loop
     #[command(
         after_help = "Examples:\n  hilare latency\n  hilare latency --seconds 600 --load --out runs/latency\nExit codes: 0 measured, 1 fault, 2 wrong use."
@@ -229,6 +237,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Follow(args)) => operate::follow(&args),
         Some(Verb::Goal(args)) => operate::goal(&args),
         Some(Verb::Swap(args)) => operate::swap(&args),
+        Some(Verb::Param(args)) => param::param(&args),
         Some(Verb::Plan(args)) => plan::plan(&args),
         Some(Verb::Fit(args)) => fit::fit(&args),
         Some(Verb::Plot(args)) => plot::plot(&args),

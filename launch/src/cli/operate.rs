@@ -90,12 +90,12 @@ fn last_log(robot: &str) -> String {
     if log.is_file() { format!(" (its last log: {})", log.display()) } else { String::new() }
 }
 
-fn send(living: &Living, request: &Request) -> Result<Response, Failure> {
+pub(super) fn send(living: &Living, request: &Request) -> Result<Response, Failure> {
     ask(&living.socket, request)
         .map_err(|error| Failure::Fault(format!("robot {:?} does not answer: {error}", living.robot)))
 }
 
-fn show(response: &Response, json: bool) -> VerbResult {
+pub(super) fn show(response: &Response, json: bool) -> VerbResult {
     if json {
         print(&format!("{}\n", serde_json::json!({ "ok": response.ok, "message": response.message })));
     } else if response.ok {
@@ -198,7 +198,7 @@ pub fn swap(args: &SwapArgs) -> VerbResult {
 }
 
 /// An assignment as launch is to read it: a map is looked for, and looked at, here.
-fn with_map_found(assignment: &str) -> Result<String, Failure> {
+pub(super) fn with_map_found(assignment: &str) -> Result<String, Failure> {
     if assignment.split('=').next().map(str::trim) != Some("planner.map") {
         return Ok(assignment.to_owned());
     }

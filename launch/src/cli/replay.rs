@@ -42,7 +42,9 @@ pub fn replay(args: &ReplayArgs) -> VerbResult {
     let law = args.controller.as_deref().map(chosen_law).transpose()?;
     let changes = !args.set.is_empty() || law.is_some();
     if args.out.is_some() && (!changes || !args.boxes.is_empty()) {
-        return Err(refused("--out: pictures are drawn of a drive with changes; add --set or --controller, drop --box"));
+        return Err(refused(
+            "--out: pictures are drawn of a drive with changes; add --set or --controller, drop --box",
+        ));
     }
     let (log, notes) = read(&args.run).map_err(refused)?;
     if !changes {
@@ -80,7 +82,9 @@ fn chosen_boxes(names: &[String]) -> Result<Vec<Role>, Failure> {
     let known = || BOXES.map(Role::name).join(", ");
     let find = |name: &String| {
         let role = Role::from_name(&name.replace('-', "_")).filter(|role| BOXES.contains(role));
-        role.ok_or_else(|| refused(format!("--box {name}: there is no such box to replay; there are {}", known())))
+        role.ok_or_else(|| {
+            refused(format!("--box {name}: there is no such box to replay; there are {}", known()))
+        })
     };
     if names.is_empty() { Ok(BOXES.to_vec()) } else { names.iter().map(find).collect() }
 }

@@ -220,7 +220,9 @@ impl Section {
             Self::Camera => "What watches the robot from outside, if the estimator needs it.",
             Self::Start => "Pose the robot is assumed to start at.",
             Self::Supervision => "What launch does when a worker dies.",
+            Self::Operator => "The operator's page.",
             Self::WakeUp => "What is done so that processes wake in time.",
+            Self::Recording => "How what goes over the wires is kept in files.",
             Self::Realtime(_) => "How the process is scheduled.",
         }
     }

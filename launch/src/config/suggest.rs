@@ -89,6 +89,16 @@ fn meant(section: Section, system: &System, name: &str) -> String {
     }
 }
 
+/// About a word that is in the name of no key of a system.
+pub(super) fn unknown_word(system: &System, word: &str) -> String {
+    let sections: Vec<String> =
+        Section::all().filter(|section| section.fits(system)).map(Section::path).collect();
+    let known = sections.iter().map(String::as_str).chain(system.own_keys().map(|key| key.name));
+    let meant = nearest(word, known, |name| name, ALIKE);
+    let meant = meant.map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"));
+    format!("no key is called like {}{meant}", quoted(word))
+}
+
 /// Names of the tables right below a path.
 fn below(path: &str) -> Vec<String> {
     let mut names: Vec<String> = Section::all()

@@ -99,6 +99,7 @@ pub(super) static LISTEN: TextSpec = TextSpec {
     name: "listen",
     default: "",
     choices: Vec::new,
+    pattern: || None,
     doc: "Address and port of the operator's page and its metrics, on this machine alone (127.0.0.1:7070); empty for none.",
 };
 

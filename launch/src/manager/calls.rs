@@ -59,6 +59,8 @@ impl Manager {
             Request::Swap { role, driver, set } => {
                 return self.begin_swap(&role, driver.as_deref(), &set, &call.reply);
             }
+            Request::Set(set) => return self.begin_param(&set, &call.reply),
+            Request::System => Response { system: Some(self.job.system.to_toml()), ..Response::done("") },
             Request::Follow(points) => {
                 let waypoint = |[x_m, y_m, bulge, crab_rad]: [f64; 4]| Waypoint { x_m, y_m, bulge, crab_rad };
                 let waypoints = points.into_iter().map(waypoint).collect();
@@ -185,6 +187,8 @@ impl Manager {
             promotions: steps.promotions,
             swaps: self.swaps,
             paused_ticks: steps.paused_ticks,
+            param_changes: self.params.made,
+            last_param_change: self.params.last.clone(),
             fault: self.fault.clone().or_else(|| self.halted.clone()),
             processes: self
                 .members

@@ -53,6 +53,10 @@ pub enum Request {
         /// Keys to set, `KEY=VALUE`.
         set: Vec<String>,
     },
+    /// Change these keys, `KEY=VALUE`, all at one tick or none.
+    Set(Vec<String>),
+    /// The system file that is in force.
+    System,
     /// Follow these waypoints: x and y (m), bulge, crab angle (rad).
     Follow(Vec<[f64; 4]>),
     /// Go to this point, metres; a heading in radians if one is wanted.
@@ -79,6 +83,12 @@ pub struct Response {
     /// What the processes measure, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<super::measured::Measured>>,
+    /// What a change of parameters came to, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub param: Option<super::param::Outcome>,
+    /// The system file that is in force, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub system: Option<String>,
     /// A worker's place, if that was asked for: the arguments of `hilare service`. The page comes with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Vec<String>>,
@@ -94,7 +104,17 @@ impl Response {
     /// Done.
     pub fn done(message: impl Into<String>) -> Self {
         let message = message.into();
-        Self { ok: true, message, status: None, measured: None, place: None, later: false, wrong_use: false }
+        Self {
+            ok: true,
+            message,
+            status: None,
+            measured: None,
+            param: None,
+            system: None,
+            place: None,
+            later: false,
+            wrong_use: false,
+        }
     }
 
     /// Not done, and why.
@@ -136,7 +156,7 @@ impl Request {
 
     /// True if launch answers it without waiting for anybody else.
     fn is_answered_at_once(&self) -> bool {
-        !matches!(self, Self::Follow(_) | Self::Goal { .. } | Self::Swap { .. })
+        !matches!(self, Self::Follow(_) | Self::Goal { .. } | Self::Swap { .. } | Self::Set(_))
     }
 }
 

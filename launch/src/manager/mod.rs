@@ -8,6 +8,7 @@ pub mod control;
 pub mod join;
 pub mod measured;
 pub mod notify;
+pub mod param;
 pub mod robot_dir;
 pub mod status;
 
@@ -187,6 +188,7 @@ pub struct Manager {
     /// A swap under way.
     swap: Option<swap::Swap>,
     swaps: u64,
+    params: param::Params,
     /// Why the robot has to be armed again, if so.
     halted: Option<String>,
     notify: notify::Notify,
@@ -267,6 +269,7 @@ impl Manager {
             systems,
             swap: None,
             swaps: 0,
+            params: param::Params::default(),
             halted: None,
             notify: notify::Notify::from_environment(),
             born: Instant::now(),
@@ -299,7 +302,9 @@ impl Manager {
         }
         self.look();
         self.judge_swap();
+        self.judge_param();
         self.send_goals_that_wait();
+        let patience = if self.params.under_way.is_some() { patience.min(param::LOOK) } else { patience };
         let wait = patience.min(self.lease_due.saturating_duration_since(Instant::now()));
         if let Ok(event) = self.events.recv_timeout(wait) {
             self.take(event);

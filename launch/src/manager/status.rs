@@ -57,6 +57,12 @@ pub struct Status {
     pub swaps: u64,
     /// Whole ticks the clock lost to pauses.
     pub paused_ticks: u64,
+    /// Changes of parameters since it is up.
+    #[serde(default)]
+    pub param_changes: u64,
+    /// The last of them, in words.
+    #[serde(default)]
+    pub last_param_change: Option<String>,
     /// Why the robot cannot go on, if so.
     pub fault: Option<String>,
     /// The processes.
@@ -135,6 +141,11 @@ impl Status {
         ));
         if let Some(why) = &self.last_refusal {
             text.push_str(&format!("  refused   {why}\n"));
+        }
+        if let Some(last) = &self.last_param_change {
+            let times =
+                if self.param_changes == 1 { "1 change" } else { &format!("{} changes", self.param_changes) };
+            text.push_str(&format!("  params    {times}, the last: {last}\n"));
         }
         text.push_str(&format!(
             "  {:<26}{:>8}  {:<10}{:>9}  {}\n",

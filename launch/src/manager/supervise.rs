@@ -30,6 +30,7 @@ impl Manager {
         if self.members[slot].role == Role::Planner {
             self.refuse_goals_of_the_dead();
         }
+        self.param_meets_death(slot, how);
         // First of all the robot has a driver again, then there is a successor; then comes the tidying up.
         let handed_over = self.hand_to_standby(slot);
         self.succeed(slot, how, gone.as_ref(), handed_over);

@@ -67,6 +67,9 @@ impl Manager {
         if self.swap.is_some() {
             return Err("another swap is under way".to_owned());
         }
+        if self.params.under_way.is_some() {
+            return Err("parameters are being changed; try again".to_owned());
+        }
         if !self.up || self.page.phase() != Phase::Go {
             return Err("the robot is still starting".to_owned());
         }

@@ -110,6 +110,14 @@ macro_rules! recorded {
                 (match self { $(Self::$slice(..) => Place::$slice,)* $(Self::$plain(_) => Place::$plain,)* }) as usize
             }
 
+            /// The same, kept.
+            pub fn kept(&self) -> Entry {
+                match *self {
+                    $(Self::$slice(header, elements) => Entry::$slice(*header, elements.to_vec()),)*
+                    $(Self::$plain(message) => Entry::$plain(*message),)*
+                }
+            }
+
             /// The message as it lies in memory, or the header of what follows.
             pub fn bytes(&self) -> &[u8] {
                 match self {

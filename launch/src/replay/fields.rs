@@ -23,7 +23,12 @@ pub struct Difference {
 
 impl Difference {
     /// One of words, not of a field's values.
-    pub fn of_words(tick: Tick, field: &str, recorded: impl Into<String>, replayed: impl Into<String>) -> Self {
+    pub fn of_words(
+        tick: Tick,
+        field: &str,
+        recorded: impl Into<String>,
+        replayed: impl Into<String>,
+    ) -> Self {
         Self {
             tick,
             field: field.to_owned(),
@@ -147,7 +152,9 @@ impl Deviations {
     pub fn of<M: WireMessage>(&self) -> Vec<Deviation> {
         let mean = |squares: f64| (squares / self.count.max(1) as f64).sqrt();
         let named = reals(&M::LAYOUT).zip(&self.sums);
-        named.map(|((field, _), (squares, max))| Deviation { field, rms: mean(*squares), max: *max }).collect()
+        named
+            .map(|((field, _), (squares, max))| Deviation { field, rms: mean(*squares), max: *max })
+            .collect()
     }
 }
 

@@ -12,23 +12,25 @@ use hilare_interfaces::wires::Role;
 pub fn journal(system: Option<&System>, messages: &Messages) -> Vec<Journal> {
     let mut journal = Vec::new();
     let law = system.and_then(|system| LAWS.iter().position(|law| law.name == system.controller.law.name));
-    let mut place = |slot: u64, role: Role, noted: &mut dyn Iterator<Item = (Tick, JournalKind, [u64; 6])>| {
-        let law = law.filter(|_| role == Role::Controller).map_or(0, |place| place as u64 + 1);
-        let began = (0, JournalKind::Began, [1, 1, 1, law, 0, 0]);
-        let entries = std::iter::once(began).chain(noted).zip(0..);
-        journal.extend(entries.map(|((tick, kind, words), seq)| Journal {
-            slot,
-            role: role.code(),
-            seq,
-            tick,
-            kind: kind.code(),
-            words,
-            ..Journal::ZERO
-        }));
-    };
-    let authorities = messages.authorities.iter().map(|authority| {
-        (0, JournalKind::Authority, [authority.seq, authority.content_hash(), 0, 0, 0, 0])
-    });
+    let mut place =
+        |slot: u64, role: Role, noted: &mut dyn Iterator<Item = (Tick, JournalKind, [u64; 6])>| {
+            let law = law.filter(|_| role == Role::Controller).map_or(0, |place| place as u64 + 1);
+            let began = (0, JournalKind::Began, [1, 1, 1, law, 0, 0]);
+            let entries = std::iter::once(began).chain(noted).zip(0..);
+            journal.extend(entries.map(|((tick, kind, words), seq)| Journal {
+                slot,
+                role: role.code(),
+                seq,
+                tick,
+                kind: kind.code(),
+                words,
+                ..Journal::ZERO
+            }));
+        };
+    let authorities = messages
+        .authorities
+        .iter()
+        .map(|authority| (0, JournalKind::Authority, [authority.seq, authority.content_hash(), 0, 0, 0, 0]));
     let commands = messages.commands.iter().map(|command| {
         let words = [command.source, command.epoch, command.seq, command.content_hash(), 0, 0];
         (command.pose_tick, JournalKind::Command, words)

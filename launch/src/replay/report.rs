@@ -48,12 +48,14 @@ impl ReplayReport {
     pub fn to_text(&self) -> String {
         let mut text = format!("{}: {} ticks\n", self.run, self.ticks);
         self.notes.iter().for_each(|note| text.push_str(&format!("  {note}\n")));
-        let _ = writeln!(text, "  {:<34}{:<11}{:>10}{:>9}{:>14}", "", "", "compared", "differ", "not compared");
+        let _ =
+            writeln!(text, "  {:<34}{:<11}{:>10}{:>9}{:>14}", "", "", "compared", "differ", "not compared");
         for report in &self.boxes {
             for tally in &report.wires {
                 let (name, wire) = (&report.name, &tally.wire);
                 let Tally { compared, differing, not_compared, .. } = tally;
-                let _ = writeln!(text, "  {name:<34}{wire:<11}{compared:>10}{differing:>9}{not_compared:>14}");
+                let _ =
+                    writeln!(text, "  {name:<34}{wire:<11}{compared:>10}{differing:>9}{not_compared:>14}");
             }
             if report.wires.is_empty() {
                 let _ = writeln!(text, "  {:<34}nothing recorded", report.name);
@@ -67,7 +69,8 @@ impl ReplayReport {
         let mut firsts: Vec<_> = firsts.collect();
         firsts.sort_by_key(|(.., first)| first.tick);
         for (report, tally, first) in &firsts {
-            let _ = writeln!(text, "first difference of {}, {}: {}", report.name, tally.wire, first.in_words());
+            let _ =
+                writeln!(text, "first difference of {}, {}: {}", report.name, tally.wire, first.in_words());
         }
         let verdict = match (self.compared, self.differing) {
             (0, _) => "Nothing could be compared.".to_owned(),

@@ -47,7 +47,9 @@ impl States {
         let (slot, tick) = from;
         let kept = self.kept.get(&from).and_then(|kept| kept.iter().find(|(known, _)| *known == key));
         let Some((_, words)) = kept else {
-            return Err(format!("it went on from the state of place {slot} at tick {tick}, which is not known"));
+            return Err(format!(
+                "it went on from the state of place {slot} at tick {tick}, which is not known"
+            ));
         };
         if into.load_state(words) {
             Ok(())

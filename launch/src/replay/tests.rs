@@ -96,14 +96,16 @@ fn each_flip<M: WireMessage>(
             flip(&mut of(&mut other)[*place], bit);
             let wire_now = of(&mut other);
             // A robot that has not moved is where it was a tick before: the same message twice is no lie.
-            let twice = wire_now.iter().filter(|known| known.as_bytes() == wire_now[*place].as_bytes()).count();
+            let twice =
+                wire_now.iter().filter(|known| known.as_bytes() == wire_now[*place].as_bytes()).count();
             if twice > 1 {
                 continue;
             }
             let reports = replay(&log_of(&system, other), &BOXES, false);
             let found = differing(&reports);
             assert!(!found.is_empty(), "{wire} {place} bit {bit}: {reports:#?}");
-            let named = found.iter().any(|line| line.split(':').next().is_some_and(|who| who.ends_with(wire)));
+            let named =
+                found.iter().any(|line| line.split(':').next().is_some_and(|who| who.ends_with(wire)));
             assert!(named, "{wire} {place} bit {bit}: {found:?}");
         }
     }
@@ -174,18 +176,18 @@ fn what_the_recording_lacks_is_not_a_difference() {
 /// Messages of a drive that are not the recording's, by wire.
 fn parts(driven: &Driven) -> Vec<String> {
     let parted = driven.parted.iter().filter_map(|(wire, parted)| {
-        parted.first.as_ref().map(|first| format!("{wire}: {} of {}, {}", parted.differing, parted.compared, first.in_words()))
+        parted
+            .first
+            .as_ref()
+            .map(|first| format!("{wire}: {} of {}, {}", parted.differing, parted.compared, first.in_words()))
     });
     parted.collect()
 }
 
 #[test]
 fn driven_again_without_changes_it_ends_in_the_same_bits() {
-    let runs: [(&str, &[&str]); 3] = [
-        ("rectangle", &["plant.slip_sd=0.05"]),
-        ("line-21deg", &["estimator.kind=ekf"]),
-        ("agv-low", &[]),
-    ];
+    let runs: [(&str, &[&str]); 3] =
+        [("rectangle", &["plant.slip_sd=0.05"]), ("line-21deg", &["estimator.kind=ekf"]), ("agv-low", &[])];
     for (scenario, set) in runs {
         for ticks in [3_000, 200_000] {
             let (system, messages) = recorded(scenario, set, ticks);
@@ -193,7 +195,11 @@ fn driven_again_without_changes_it_ends_in_the_same_bits() {
             let log = log_of(&system, messages);
             let driven = drive(&log).expect("it begins whole");
             assert_eq!(parts(&driven), [] as [&str; 0], "{scenario} {ticks}");
-            assert_eq!((driven.parted["pose"].compared, driven.ticks), (count, log.end), "{scenario} {ticks}");
+            assert_eq!(
+                (driven.parted["pose"].compared, driven.ticks),
+                (count, log.end),
+                "{scenario} {ticks}"
+            );
             let figures = |record: &RunRecord| record.statistics.figures();
             assert_eq!(figures(&driven.record), figures(&what_if::recorded(&log, 5)), "{scenario} {ticks}");
         }

@@ -4,6 +4,7 @@ use super::closed::{Driven, drive};
 use super::fields::Difference;
 use super::log::RunLog;
 use crate::report::overlay::{Run, write_overlay};
+use crate::report::raster::Format;
 use hilare_controller::LawSpec;
 use hilare_interfaces::block::TICKS_PER_SECOND;
 use hilare_interfaces::messages::ReferenceState;
@@ -16,15 +17,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Keys and sections (with a dot) that say nothing to a replay: no process, no clock, no file is in it.
-const WITHOUT_EFFECT: [&str; 7] = [
-    "robot",
-    "realtime.",
-    "wake_up.",
-    "supervision.",
-    "recording.",
-    "controller.exec",
-    "controller.standby",
-];
+const WITHOUT_EFFECT: [&str; 7] =
+    ["robot", "realtime.", "wake_up.", "supervision.", "recording.", "controller.exec", "controller.standby"];
 
 /// Figures of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -84,7 +78,9 @@ pub fn check_keys(set: &[String]) -> Result<(), String> {
         let key = assignment.split('=').next().unwrap_or_default().trim();
         let idle = |known: &&str| key == *known || (known.ends_with('.') && key.starts_with(*known));
         if WITHOUT_EFFECT.iter().any(|known| idle(&known)) {
-            return Err(format!("--set {key}: without effect in a replay, which has no processes; leave it away"));
+            return Err(format!(
+                "--set {key}: without effect in a replay, which has no processes; leave it away"
+            ));
         }
     }
     Ok(())
@@ -149,7 +145,8 @@ impl Compared {
             Run { name: "recorded", rows: self.recorded.trace.rows() },
             Run { name: "what if", rows: self.changed.record.trace.rows() },
         ];
-        self.what_if.pictures = write_overlay(dir, "what-if", waypoints, &runs)?;
+        self.what_if.pictures =
+            write_overlay(dir, ("what-if", "what if"), &[waypoints], &runs, (Format::Svg, None))?;
         Ok(())
     }
 }

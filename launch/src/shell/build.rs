@@ -46,7 +46,7 @@ pub fn waypoint_selector(system: &System) -> WaypointSelector {
 }
 
 /// Makes something of what a law is built from.
-fn with_setup<T>(system: &System, law: &LawSpec, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
+pub(crate) fn with_setup<T>(system: &System, law: &LawSpec, make: impl FnOnce(&LawSetup<'_>) -> T) -> T {
     make(&LawSetup {
         chassis: &system.chassis,
         limits: TwistLimits {

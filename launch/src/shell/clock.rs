@@ -8,8 +8,10 @@
 //! `lockstep`: virtual time. A tick is executed as soon as the command of its cycle is there and the
 //! readers of the steps have kept up.
 
+use super::change::Stage;
 use super::checkpoint::key_of;
 use super::page::{MAX_WAIT, News, SharedPage, monotonic_ns};
+use super::renewal::Renewals;
 use super::timing::{LATE_NS, LateWakeUp};
 use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
@@ -21,6 +23,7 @@ use hilare_interfaces::wires::{self, Role};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
+use std::mem;
 use std::time::Duration;
 
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
@@ -46,6 +49,9 @@ pub struct ClockProcess {
     command: Input<Command>,
     steps: Output<Steps>,
     key: u64,
+    /// All it needs is in the system.
+    renewals: Renewals<()>,
+    period_ticks: u64,
     tick: Tick,
     /// The tick of the state it went on from, if it is a successor.
     resumed: Option<Tick>,
@@ -64,6 +70,8 @@ impl ClockProcess {
         Ok(Self {
             generator,
             key,
+            renewals: Renewals::begin(worker, |_| Ok(()))?,
+            period_ticks: worker.system.timing.period_ticks,
             authority: worker.domain.input(&wires::AUTHORITY)?,
             command: worker.domain.input(&wires::COMMAND)?,
             steps: worker.domain.output(&wires::STEPS)?,
@@ -108,6 +116,8 @@ impl ClockProcess {
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
             self.take_in(worker);
+            // After authority: a change that was asked for before the robot was armed is there from the beginning.
+            self.change(worker, if self.resumed.is_some() { self.next_period() } else { 0 });
             if self.armed_once {
                 self.steps.send(self.generator.state());
                 worker.page.ring(&wires::STEPS);
@@ -154,8 +164,29 @@ impl ClockProcess {
         worker.journal(self.tick, JournalKind::Authority, &[authority.seq, authority.content_hash()]);
     }
 
+    /// The first tick of which nobody has heard and at which a control period begins.
+    const fn next_period(&self) -> Tick {
+        (self.tick / self.period_ticks + 1) * self.period_ticks
+    }
+
+    /// Chooses the tick of a change of parameters that waits for one: `first`. Goes on with other limits, if it is
+    /// their time.
+    #[inline]
+    fn change(&mut self, worker: &mut Worker, first: Tick) {
+        let change = worker.page.change();
+        let turn = change.turn();
+        if turn.stage() == Stage::Asked {
+            change.decide(turn, first);
+        }
+        let Some(mut renewal) = self.renewals.due(worker, self.tick) else { return };
+        mem::swap(&mut worker.system, &mut renewal.system);
+        self.generator.set_limits(worker.system.limits);
+        self.renewals.applied(worker, renewal, self.tick, false);
+    }
+
     /// Executes one tick and publishes it.
     fn execute(&mut self, worker: &mut Worker, paused_ticks: u64) -> Steps {
+        self.change(worker, self.next_period());
         if paused_ticks > 0 {
             worker.journal(self.tick, JournalKind::Pause, &[paused_ticks]);
         }

@@ -1,6 +1,7 @@
 //! All boxes in one thread: the same `step`s in the same order as the processes take them, without
 //! wires. For the tuner, the tests and quick answers.
 
+use super::checkpoint::StateRoom;
 use super::{ClockKind, build};
 use crate::config::System;
 use crate::recording::Heard;
@@ -23,6 +24,8 @@ use rustix::time::{ClockId, clock_gettime};
 const AUTHORITY: Authority =
     Authority { seq: 1, mode: Mode::Armed.code(), term: 1, source: 1, epoch: 1, ..Authority::ZERO };
 const PATH_HEADER: PathHeader = PathHeader { path_id: 1, goal_id: 0 };
+/// Who its controller is.
+const IDENTITY: Identity = Identity { source: 1, epoch: 1 };
 
 /// The whole system in one thread.
 pub struct InProcess {
@@ -49,7 +52,6 @@ pub struct InProcess {
 impl InProcess {
     /// Armed, at the start pose, with a path to follow.
     pub fn new(system: &System, waypoints: &[Waypoint]) -> Result<Self, String> {
-        let identity = Identity { source: 1, epoch: 1 };
         let mut generator = build::step_generator(system, ClockKind::InProcess);
         generator.take_in(0, StepInputs { authority: Some(&AUTHORITY), ..StepInputs::default() });
         let mut plant = build::plant(system)?;
@@ -61,7 +63,7 @@ impl InProcess {
             generator,
             estimator: build::pose_estimator(system),
             selector: build::waypoint_selector(system),
-            controller: build::controller(system, system.controller.law, identity)?,
+            controller: build::controller(system, system.controller.law, IDENTITY)?,
             plant,
             encoders: system.motors.has_encoders(),
             sensors: system.reads_sensors(),
@@ -73,6 +75,24 @@ impl InProcess {
         };
         robot.pose = robot.estimate();
         Ok(robot)
+    }
+
+    /// Goes on with other parameters from the next tick on, as processes do ([`super::renewal`]): a system that
+    /// differs from the one it was built of in live keys only.
+    pub fn change(&mut self, system: &System) -> Result<(), String> {
+        let mut room = StateRoom::default();
+        let mut controller = build::controller(system, system.controller.law, IDENTITY)?;
+        controller.take_over(&mut self.controller, room.all());
+        self.controller = controller;
+        let mut plant = build::plant(system)?;
+        plant.take_over(&mut self.plant);
+        self.plant = plant;
+        let mut estimator = build::pose_estimator(system);
+        estimator.take_over(&mut self.estimator);
+        self.estimator = estimator;
+        self.selector.set_tracking(system.tracking, system.acceptance());
+        self.generator.set_limits(system.limits);
+        Ok(())
     }
 
     /// The pose after what the plant showed last.
@@ -203,6 +223,22 @@ impl InProcess {
             truth: &self.observed.truth,
             reference: &self.reference,
         }
+    }
+
+    /// The same with other parameters from some ticks on, the first first.
+    pub fn run_changing(&mut self, max_ticks: Tick, changes: &[(Tick, System)]) -> Result<RunRecord, String> {
+        let mut record = RunRecord::new(self.period_ticks);
+        for (tick, system) in changes {
+            self.drive((*tick).min(max_ticks), |tick| record.push(tick));
+            if self.tick == *tick {
+                self.change(system)?;
+            }
+        }
+        self.drive(max_ticks, |tick| record.push(tick));
+        if self.arrived() {
+            record.statistics.note_arrival();
+        }
+        Ok(record)
     }
 
     /// The figures of [`Self::run`], without its curves; `watch` sees the step generator after every tick.

@@ -3,6 +3,7 @@
 //! * [`transport`]: ports of the wire table over iceoryx2 (the only place that uses it),
 //! * [`page`], [`mapped`]: doorbells and progress marks, a page of shared memory beside the wires,
 //! * [`checkpoint`], [`told`]: what a box remembers, and told last, for its successor,
+//! * [`change`], [`renewal`]: other parameters while a box works,
 //! * [`timing`]: what each process measures of itself,
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
 //! * [`worker`]: a process from start to end: handshake, heartbeat, loop, shutdown,
@@ -15,6 +16,7 @@
 
 pub mod boxes;
 pub mod build;
+pub mod change;
 pub mod checkpoint;
 pub mod clock;
 pub mod fast;
@@ -27,6 +29,7 @@ pub mod pairing;
 pub mod planning;
 pub mod realtime;
 pub mod relay;
+pub mod renewal;
 pub mod timing;
 pub mod told;
 pub mod transport;

@@ -8,6 +8,7 @@
 
 #![allow(unsafe_code)]
 
+use super::change::Change;
 use super::checkpoint::Area;
 use super::journal::JournalRing;
 use super::mapped::{Mappable, Mapped};
@@ -82,6 +83,7 @@ pub struct Page {
     areas: [Area; MAX_SLOTS],
     timings: [Timing; MAX_SLOTS],
     journals: [JournalRing; MAX_SLOTS],
+    change: Change,
 }
 
 impl Page {
@@ -175,6 +177,12 @@ impl Page {
     /// What a slot's box took from outside.
     pub fn journal(&self, slot: usize) -> &JournalRing {
         &self.journals[slot % MAX_SLOTS]
+    }
+
+    /// The change of parameters under way.
+    #[inline]
+    pub fn change(&self) -> &Change {
+        &self.change
     }
 
     /// The role a slot was given to, if any.

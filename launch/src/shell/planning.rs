@@ -2,8 +2,10 @@
 
 use super::build;
 use super::page::News;
+use super::renewal::Renewals;
 use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
+use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
@@ -12,6 +14,7 @@ use hilare_interfaces::messages::{
 use hilare_interfaces::wires;
 use hilare_planner::{Budget, Navigator};
 use std::fs::File;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tracing::warn;
@@ -22,6 +25,7 @@ pub const OVERTAKEN: &str = "overtaken by a newer goal";
 /// goal, pose → path, answer.
 pub struct PlannerProcess {
     navigator: Navigator,
+    renewals: Renewals<Navigator>,
     goal: SliceInput<GoalHeader, Waypoint>,
     pose: Input<Pose>,
     path: SliceOutput<PathHeader, Waypoint>,
@@ -53,6 +57,7 @@ impl PlannerProcess {
         };
         Ok(Self {
             navigator,
+            renewals: Renewals::begin(worker, build::navigator)?,
             goal: worker.domain.slice_input(&wires::GOAL)?,
             pose: worker.domain.newest(&wires::watch::POSE)?,
             path: worker.domain.slice_output(&wires::PATH)?,
@@ -65,6 +70,15 @@ impl PlannerProcess {
             // Path ids go up over restarts, too.
             report: Report { path_id: (incarnation - 1) << 32, ..Report::default() },
         })
+    }
+
+    /// Goes on with other parameters, if it is to once the robot is where the pose of tick `next` says.
+    fn renew_at(&mut self, worker: &mut Worker, next: Tick) {
+        let Some(mut renewal) = self.renewals.due(worker, next) else { return };
+        mem::swap(&mut self.navigator, &mut renewal.made);
+        mem::swap(&mut worker.system, &mut renewal.system);
+        self.deadline = Duration::from_millis(worker.system.planner.deadline_ms);
+        self.renewals.applied(worker, renewal, next, false);
     }
 
     fn publish(&mut self, goal_id: u64, path: &[Waypoint]) -> bool {
@@ -123,12 +137,9 @@ pub fn path_for(
 /// What is answered to a goal for which this was found.
 pub fn answer_of(goal_id: u64, found: &Result<Vec<Waypoint>, String>) -> Answer {
     match found {
-        Ok(path) => Answer {
-            goal_id,
-            accepted: 1,
-            waypoints: path.len() as u64,
-            text: text_field("accepted"),
-        },
+        Ok(path) => {
+            Answer { goal_id, accepted: 1, waypoints: path.len() as u64, text: text_field("accepted") }
+        }
         Err(why) => Answer { goal_id, text: text_field(why), ..Answer::ZERO },
     }
 }
@@ -150,6 +161,7 @@ impl Reactive for PlannerProcess {
             self.robot = pose.pose().position();
             self.report.tick = pose.tick;
         }
+        self.renew_at(worker, self.report.tick);
         let next_goal = || self.goal.next(|header, waypoints| (*header, first_of(waypoints).to_vec()));
         let Some(mut goal) = next_goal() else { return false };
         while let Some(newer) = next_goal() {
@@ -158,7 +170,7 @@ impl Reactive for PlannerProcess {
             goal = newer;
         }
         let answer = self.answer(worker, &goal.0, &goal.1);
-        let cut_short = u64::from(std::mem::take(&mut self.cut_short));
+        let cut_short = u64::from(mem::take(&mut self.cut_short));
         let words = [answer.goal_id, answer.accepted, self.report.path_id, cut_short];
         worker.journal(self.report.tick, JournalKind::Goal, &words);
         self.answer.send(&answer);

@@ -74,7 +74,7 @@ pub struct Worker {
     /// The system it is part of.
     pub system: System,
     /// Doorbells.
-    pub page: SharedPage,
+    pub page: Arc<SharedPage>,
     /// Its place on the wires.
     pub domain: Domain,
     terminate: Arc<AtomicBool>,
@@ -169,7 +169,7 @@ impl Worker {
         }
         let terminate = Arc::new(AtomicBool::new(false));
         signal_hook::flag::register(libc::SIGTERM, Arc::clone(&terminate)).map_err(|e| e.to_string())?;
-        let page = SharedPage::inherit().map_err(|e| e.to_string())?;
+        let page = Arc::new(SharedPage::inherit().map_err(|e| e.to_string())?);
         let file = assignment.runtime_dir.join(system_file(assignment.system));
         let system = System::load(&file.to_string_lossy()).map_err(|e| e.to_string())?;
         // Writing a core file takes longer than a successor needs to start.
@@ -229,6 +229,11 @@ impl Worker {
         self.page.set_state(slot, SlotState::Working);
         self.beat(&Report { state: HealthState::Ready, ..Report::default() });
         true
+    }
+
+    /// Room for the state of a box.
+    pub fn room(&mut self) -> &mut [u64] {
+        self.room.all()
     }
 
     /// Keeps the state of the box after `tick` for whoever comes after this process.

@@ -201,6 +201,25 @@ impl Controller {
         Self { law, identity, period_ticks, seq: 0, path_id: 0, acting: BodyTwist::ZERO, prediction }
     }
 
+    /// Goes on where `before` is, a controller of the same law and identity with other parameters. False if the
+    /// law could not make its own what the other one remembers (a plan on another grid): then it begins anew, as
+    /// with every new path. `room` is for the state of a controller. Allocates nothing.
+    pub fn take_over(&mut self, before: &mut Self, room: &mut [u64]) -> bool {
+        (self.seq, self.path_id, self.acting) = (before.seq, before.path_id, before.acting);
+        self.prediction.take_over(&before.prediction);
+        let mut words = StateWords::saving(room);
+        before.law.visit_state(&mut words);
+        let taken = words.finish().is_some_and(|len| {
+            let mut words = StateWords::loading(&room[..len]);
+            self.law.visit_state(&mut words);
+            words.finish().is_some()
+        });
+        if !taken {
+            self.law.reset();
+        }
+        taken
+    }
+
     /// The law's answer, in the robot's own frame.
     fn ask(&mut self, pose: WorldPose, reference: &Reference) -> LawOutput {
         let crab_rad = reference.current.crab_rad;

@@ -66,6 +66,17 @@ impl Prediction {
         }
     }
 
+    /// Goes on with what `before` was told, as far back as this one reaches.
+    pub fn take_over(&mut self, before: &Self) {
+        let (len, old) = (self.twists.len(), before.twists.len());
+        for age in 0..len {
+            // As ever, what acted before the oldest is taken to be as that one.
+            let twist = before.twists[(before.newest + old - age.min(old - 1)) % old];
+            self.twists[len - 1 - age] = twist;
+        }
+        self.newest = len - 1;
+    }
+
     /// A period has passed in which `twist` acted, as far as the input constraints let it.
     pub fn note(&mut self, twist: BodyTwist) {
         self.newest = (self.newest + 1) % self.twists.len();

@@ -48,6 +48,18 @@ impl Camera {
         }
     }
 
+    /// Goes on where `before` is, with parameters of its own: pictures under way come when they were to come.
+    pub fn take_over(&mut self, before: &mut Self) {
+        self.noise.clone_from(&before.noise);
+        self.next_picture = before.next_picture;
+        if self.under_way.capacity() < before.under_way.capacity() {
+            core::mem::swap(&mut self.under_way, &mut before.under_way);
+        } else {
+            self.under_way.clear();
+            self.under_way.extend(before.under_way.iter().copied());
+        }
+    }
+
     /// Watches the true pose of a tick; the fix that has come through by then, if any.
     pub fn watch(&mut self, tick: Tick, truth: WorldPose) -> Option<PoseFix> {
         if tick >= self.next_picture {

@@ -84,6 +84,23 @@ impl Plant {
     }
 }
 
+impl Plant {
+    /// Goes on where `before` is, a robot of the same kind that is a little different. Allocates nothing;
+    /// `before` is of no use afterwards.
+    pub fn take_over(&mut self, before: &mut Self) {
+        match (&mut self.robot, &before.robot) {
+            (Robot::StepperDrive(new), Robot::StepperDrive(old)) => new.take_over(old),
+            (Robot::DcServo(new), Robot::DcServo(old)) => new.take_over(old),
+            (Robot::Mecanum(new), Robot::Mecanum(old)) => new.take_over(old),
+            // Of another kind: then it stays what it was.
+            _ => core::mem::swap(&mut self.robot, &mut before.robot),
+        }
+        if let (Some(new), Some(old)) = (&mut self.camera, &mut before.camera) {
+            new.take_over(old);
+        }
+    }
+}
+
 impl Block for Plant {
     type Inputs<'a> = &'a Steps;
     type Output = Observed;

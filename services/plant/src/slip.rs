@@ -28,6 +28,12 @@ impl<const N: usize> Slip<N> {
         Self { mean, sd, kept, fresh: libm::sqrt(1.0 - kept * kept), state, noise }
     }
 
+    /// Goes on where `before` is, with parameters of its own.
+    pub fn take_over(&mut self, before: &Self) {
+        self.state = before.state;
+        self.noise.clone_from(&before.noise);
+    }
+
     /// Factor of the rim travel that the floor sees in the next tick, a wheel.
     pub fn grip(&mut self) -> [f64; N] {
         if self.sd > 0.0 {

@@ -96,6 +96,12 @@ impl StepperDrive {
         }
     }
 
+    /// Goes on where `before` is, with parameters of its own.
+    pub fn take_over(&mut self, before: &Self) {
+        (self.pose, self.counts, self.tick) = (before.pose, before.counts, before.tick);
+        self.noise.clone_from(&before.noise);
+    }
+
     /// The robot as it stands, if all its steps are alike.
     pub fn steady(&self) -> Option<Steady> {
         let keep = 1.0 - self.params.slip_mean;

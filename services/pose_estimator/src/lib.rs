@@ -117,6 +117,17 @@ impl PoseEstimator {
         Self { guard, estimator, pose: Pose::at(0, setup.start) }
     }
 
+    /// Goes on from where `before` is, which has been built of other filter parameters and else alike. Allocates
+    /// nothing; `before` is of no use afterwards.
+    pub fn take_over(&mut self, before: &mut Self) {
+        (self.guard, self.pose) = (before.guard, before.pose);
+        match (&mut self.estimator, &mut before.estimator) {
+            (Estimator::Ekf(new), Estimator::Ekf(old)) => new.take_over(old),
+            // Without parameters that can change.
+            (new, old) => core::mem::swap(new, old),
+        }
+    }
+
     /// Messages passed over, because no wheel or no clock can have made them.
     pub const fn refused(&self) -> u64 {
         self.guard.refused()

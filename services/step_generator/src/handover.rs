@@ -45,6 +45,11 @@ impl Handover {
         }
     }
 
+    /// The limits are others now.
+    pub fn constrain_anew(&mut self, chassis: &Chassis, limits: &Limits) {
+        self.constrained = limits.constrain(chassis, self.commanded);
+    }
+
     /// No command acts; the wheels do `twist`.
     pub fn interrupt(&mut self, twist: BodyTwist) {
         self.pair = (0, 0);

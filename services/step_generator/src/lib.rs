@@ -69,6 +69,12 @@ impl StepGenerator {
         }
     }
 
+    /// Other limits from the next tick on. What acts goes on; it is put inside them.
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.limits = limits;
+        self.handover.constrain_anew(&self.chassis, &limits);
+    }
+
     /// The state after the last tick; before the first, all zero but the levels of DIR.
     pub fn state(&self) -> &Steps {
         &self.state

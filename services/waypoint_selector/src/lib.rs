@@ -123,6 +123,18 @@ impl WaypointSelector {
         }
     }
 
+    /// Tracks as told from the next step on. Where it is on its path stays as it is.
+    pub fn set_tracking(&mut self, tracking: Tracking, acceptance: Acceptance) {
+        if tracking.acceptance_radius_m != self.tracking.acceptance_radius_m {
+            // A robot that the circle has shrunk away from has not driven out of it.
+            self.inside = false;
+        }
+        if self.reference.state == ReferenceState::Tracking.code() {
+            self.reference.speed_mps = tracking.speed_mps;
+        }
+        (self.tracking, self.acceptance) = (tracking, acceptance);
+    }
+
     /// Paths refused at the rim: too short, too long, or of waypoints that make no sense. The old one is kept.
     pub fn rejected_paths(&self) -> u64 {
         self.rejected_paths

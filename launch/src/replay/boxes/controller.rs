@@ -56,9 +56,10 @@ fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> Box
     let mut report = BoxReport::new(Role::Controller);
     report.name = format!("controller {}.{}", writer.0, writer.1);
     let mut tally = Ledger::new(commands, false).tally("command");
-    let heard = log.lives.all.iter().flat_map(|life| &life.entries).any(|entry| {
-        entry.kind == JournalKind::Command.code() && (entry.words[0], entry.words[1]) == writer
-    });
+    let heard =
+        log.lives.all.iter().flat_map(|life| &life.entries).any(|entry| {
+            entry.kind == JournalKind::Command.code() && (entry.words[0], entry.words[1]) == writer
+        });
     let whole = log.lives.of_role(Role::StepGenerator).iter().any(|life| !life.broken);
     let note = if heard || !whole {
         match log.lives.earlier.get(&writer.0.wrapping_sub(1)) {
@@ -69,7 +70,8 @@ fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> Box
         (tally.differing, tally.compared, tally.not_compared) = (tally.not_compared, tally.not_compared, 0);
         let tick = commands.first().map_or(0, |command| command.pose_tick);
         let name = format!("{}.{}", writer.0, writer.1);
-        tally.first = Some(Difference::of_words(tick, "source, epoch", name, "no command of such a controller"));
+        tally.first =
+            Some(Difference::of_words(tick, "source, epoch", name, "no command of such a controller"));
         "the step generator never heard of it"
     };
     report.notes.push(note.to_owned());
@@ -117,7 +119,8 @@ fn replay_commands(
     let inputs = [log.poses.last(log.end), log.references.last(log.end)];
     let end = inputs.into_iter().flatten().min().unwrap_or(0);
     let is_whole = |command: &&Command| !(end + 1..=log.horizon()).contains(&command.pose_tick);
-    let commands = &commands[..commands.iter().rposition(|command| is_whole(&command)).map_or(0, |last| last + 1)];
+    let commands =
+        &commands[..commands.iter().rposition(|command| is_whole(&command)).map_or(0, |last| last + 1)];
     for (place, recorded) in commands.iter().enumerate() {
         let tick = answered(log, recorded, last, number)?;
         // Commands the recording has lost: as many as there were references meanwhile.
@@ -145,8 +148,7 @@ fn replay_commands(
 fn answered(log: &RunLog, recorded: &Command, last: Option<Tick>, number: u64) -> Result<Tick, String> {
     let tick = recorded.pose_tick;
     let period = log.first_system().map_or(1, |system| system.timing.period_ticks);
-    let odd =
-        !tick.is_multiple_of(period) || tick > log.horizon() || last.is_some_and(|last| tick <= last);
+    let odd = !tick.is_multiple_of(period) || tick > log.horizon() || last.is_some_and(|last| tick <= last);
     let answered = match last {
         Some(last) if odd && recorded.seq == number.wrapping_add(1) => {
             log.references.between(Some(last), log.end).first().map(|reference| reference.tick)

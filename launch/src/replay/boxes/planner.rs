@@ -90,7 +90,11 @@ fn replay_life(log: &RunLog, life: &Life, judged: &mut Judged<'_>) -> Result<(),
             judged.path(entry.tick, &PathHeader { path_id, goal_id }, &path);
         }
     }
-    if life.broken { Err("its journal has a gap: goals after it are not compared".to_owned()) } else { Ok(()) }
+    if life.broken {
+        Err("its journal has a gap: goals after it are not compared".to_owned())
+    } else {
+        Ok(())
+    }
 }
 
 /// The planner's answer to a goal, with all the time there is.

@@ -108,7 +108,9 @@ impl Walker for Selecting<'_> {
         let path = match self.paths.get(&tick) {
             Some((path_id, waypoints)) => {
                 let (header, waypoints) = self.log.path(*path_id, Some(*waypoints)).ok_or_else(|| {
-                    format!("path {path_id} with {waypoints} waypoints, taken at tick {tick}, is not recorded")
+                    format!(
+                        "path {path_id} with {waypoints} waypoints, taken at tick {tick}, is not recorded"
+                    )
                 })?;
                 Some(NewPath { header, waypoints })
             }

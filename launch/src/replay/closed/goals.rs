@@ -40,11 +40,13 @@ impl<'l> Planning<'l> {
         robot: Option<WorldPoint>,
         paths: &mut Paths,
     ) -> Result<(), String> {
-        while let Some((life, entry)) = self.waiting.front().copied().filter(|(_, entry)| entry.tick <= tick) {
+        while let Some((life, entry)) = self.waiting.front().copied().filter(|(_, entry)| entry.tick <= tick)
+        {
             self.waiting.pop_front();
             let [goal_id, accepted, path_id, cut_short, ..] = entry.words;
             let Some((header, waypoints)) = self.goals.next(entry) else {
-                self.notes.push(format!("goal {goal_id} is missing in the recording: its path is taken as it was"));
+                self.notes
+                    .push(format!("goal {goal_id} is missing in the recording: its path is taken as it was"));
                 continue;
             };
             if self.at_work.as_ref().is_none_or(|(known, _)| !std::ptr::eq(*known, life)) {
@@ -56,7 +58,9 @@ impl<'l> Planning<'l> {
             let found = plan(navigator, header, waypoints, robot);
             if accepted == 0 || cut_short != 0 {
                 if cut_short != 0 {
-                    self.notes.push(format!("goal {goal_id} was searched for against the clock: its path is taken as it was"));
+                    self.notes.push(format!(
+                        "goal {goal_id} was searched for against the clock: its path is taken as it was"
+                    ));
                 }
                 continue;
             }

@@ -24,9 +24,7 @@ use boxes::{Driving, Estimating, Paths, Selecting, Simulating};
 use goals::Planning;
 use hilare_interfaces::block::{Block, TICKS_PER_SECOND, Tick};
 use hilare_interfaces::layout::WireField;
-use hilare_interfaces::messages::{
-    Authority, Command, Mode, Pose, Reference, ReferenceState, Steps, Truth,
-};
+use hilare_interfaces::messages::{Authority, Command, Mode, Pose, Reference, ReferenceState, Steps, Truth};
 use hilare_interfaces::wires::Role;
 use hilare_plant::Observed;
 use hilare_recorder::{RunRecord, TickRecord};
@@ -247,8 +245,7 @@ impl<'l> Drive<'l> {
         self.reference = reference;
         for controller in &mut self.controllers {
             let inputs = (&reference, &pose);
-            let answer =
-                controller.step(log, &mut self.states, &self.outside, self.as_recorded, inputs)?;
+            let answer = controller.step(log, &mut self.states, &self.outside, self.as_recorded, inputs)?;
             let Some((answer, command)) = answer else { continue };
             let written = log.commands.get(&(answer.0, answer.1)).map_or(&[][..], Vec::as_slice);
             let place = written.partition_point(|known| known.pose_tick < self.tick);
@@ -268,7 +265,9 @@ impl<'l> Drive<'l> {
     fn take_in(&mut self) -> Result<u64, String> {
         let mut paused = 0;
         let stays = self.outside.ending.filter(|_| !self.arrived());
-        while let Some((_, event)) = self.outside.events.get(self.next_event).filter(|(at, _)| *at <= self.tick) {
+        while let Some((_, event)) =
+            self.outside.events.get(self.next_event).filter(|(at, _)| *at <= self.tick)
+        {
             if stays == Some(self.next_event) {
                 // It was stopped for having arrived.
                 self.prolonged = true;

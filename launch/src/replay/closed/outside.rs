@@ -79,7 +79,8 @@ impl Answered {
 
 /// The first process of each box has to be there: what a drive begins with.
 pub fn begins_whole(log: &RunLog) -> Result<(), String> {
-    let needed = [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
+    let needed =
+        [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
     for role in needed {
         let first = log.lives.all.iter().any(|life| life.role == role && life.state.is_none());
         let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
@@ -128,12 +129,7 @@ impl Outside {
         Ok(outside)
     }
 
-    fn add_life(
-        &mut self,
-        log: &RunLog,
-        life: &Life,
-        ours: &BTreeSet<(u64, u64)>,
-    ) -> Result<(), String> {
+    fn add_life(&mut self, log: &RunLog, life: &Life, ours: &BTreeSet<(u64, u64)>) -> Result<(), String> {
         self.events.push((life.done().unwrap_or(0), Event::Began(life.clone())));
         for entry in &life.entries {
             let (found, _) = taken(log, entry);

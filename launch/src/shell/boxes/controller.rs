@@ -6,6 +6,7 @@ use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::page::MAX_WAIT;
 use crate::shell::pairing::Pairing;
+use crate::shell::renewal::Renewals;
 use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Garbled, Reactive, Report, Worker};
@@ -13,8 +14,8 @@ use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
 use hilare_interfaces::wires::{self, Role, SUCCESSOR_PERIODS};
-use std::iter;
 use std::time::Duration;
+use std::{iter, mem};
 
 /// reference, pose → command.
 pub struct ControllerProcess {
@@ -26,6 +27,8 @@ pub struct ControllerProcess {
     pairing: Pairing<Reference, Pose>,
     command: Output<Command>,
     key: u64,
+    /// Another controller, and the key of its state.
+    renewals: Renewals<(Controller, u64)>,
     period_ticks: u64,
     /// The tick that was answered last, or that the state it began with is of.
     done: Option<Tick>,
@@ -52,12 +55,17 @@ impl ControllerProcess {
         let identity = Identity { source: worker.assignment.slot as u64 + 1, epoch: worker.assignment.epoch };
         let named = worker.assignment.law.as_deref().and_then(hilare_controller::law);
         let law = named.unwrap_or(worker.system.controller.law);
+        let build = move |system: &System| {
+            build::controller(system, law, identity).map(|controller| (controller, state_key(system, law)))
+        };
+        let (controller, key) = build(&worker.system)?;
         Ok(Self {
-            key: state_key(&worker.system, law),
+            key,
+            renewals: Renewals::begin(worker, build)?,
             period_ticks: worker.system.timing.period_ticks,
             done: None,
             began_with: None,
-            controller: build::controller(&worker.system, law, identity)?,
+            controller,
             law,
             identity,
             reference: worker.domain.input(&wires::REFERENCE)?,
@@ -70,6 +78,18 @@ impl ControllerProcess {
 }
 
 impl ControllerProcess {
+    /// Goes on with other parameters, if it is to before it answers what is of tick `next`.
+    #[inline]
+    fn renew_at(&mut self, worker: &mut Worker, next: Tick) {
+        let Some(mut renewal) = self.renewals.due(worker, next) else { return };
+        let (controller, key) = &mut renewal.made;
+        let kept = controller.take_over(&mut self.controller, worker.room());
+        mem::swap(&mut self.controller, controller);
+        mem::swap(&mut self.key, key);
+        mem::swap(&mut worker.system, &mut renewal.system);
+        self.renewals.applied(worker, renewal, next, !kept);
+    }
+
     fn next(&mut self) -> Option<(Reference, Pose)> {
         // A successor of the waypoint selector repeats what its predecessor said last.
         let mut new = || iter::from_fn(|| self.reference.next()).find(|new| is_new(self.done, new.tick));
@@ -143,6 +163,7 @@ impl ControllerProcess {
             return;
         }
         worker.note_taken(Role::WaypointSelector, reference.tick);
+        self.renew_at(worker, reference.tick);
         let command = self.controller.step(reference.tick, ControllerInputs { reference, pose });
         worker.note_telling(reference.tick);
         self.command.send(&command);
@@ -161,6 +182,8 @@ impl ControllerProcess {
 
 impl Reactive for ControllerProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
+        // Before time begins there is no message to do it at.
+        self.renew_at(worker, 0);
         if self.done.is_none() {
             self.begin(worker);
         }

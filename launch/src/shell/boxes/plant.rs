@@ -2,6 +2,7 @@
 
 use super::is_new;
 use crate::shell::page::MAX_WAIT;
+use crate::shell::renewal::Renewals;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
 use crate::shell::{ClockKind, build};
@@ -9,11 +10,13 @@ use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
 use hilare_interfaces::wires::{self, Role};
 use hilare_plant::Plant;
+use std::mem;
 use std::time::Duration;
 
 /// steps → truth, wheels, fix.
 pub struct PlantProcess {
     plant: Plant,
+    renewals: Renewals<Plant>,
     steps: Input<Steps>,
     truth: Output<Truth>,
     /// Only of a robot whose estimator reads them.
@@ -40,6 +43,7 @@ impl PlantProcess {
         Ok(Self {
             awaited: sensors.is_some() || worker.assignment.clock != ClockKind::Real,
             plant: build::plant(&worker.system)?,
+            renewals: Renewals::begin(worker, build::plant)?,
             steps: domain.input(&wires::STEPS)?,
             truth: domain.output(&wires::TRUTH)?,
             sensors,
@@ -49,9 +53,23 @@ impl PlantProcess {
     }
 }
 
+impl PlantProcess {
+    /// Goes on with other parameters, if it is to before the tick after `executed` ticks.
+    #[inline]
+    fn renew_at(&mut self, worker: &mut Worker, executed: Tick) {
+        let Some(mut renewal) = self.renewals.due(worker, executed) else { return };
+        renewal.made.take_over(&mut self.plant);
+        mem::swap(&mut self.plant, &mut renewal.made);
+        mem::swap(&mut worker.system, &mut renewal.system);
+        self.renewals.applied(worker, renewal, executed, false);
+    }
+}
+
 impl Reactive for PlantProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
+        // Before time begins there is no message to do it at.
+        self.renew_at(worker, 0);
         while let Some(steps) = self.steps.next() {
             // A successor of the step generator repeats what its predecessor said last.
             if !is_new(self.done, steps.tick) {
@@ -62,6 +80,7 @@ impl Reactive for PlantProcess {
             }
             self.done = Some(steps.tick);
             worker.note_taken(Role::StepGenerator, steps.tick);
+            self.renew_at(worker, steps.tick.saturating_sub(1));
             let observed = self.plant.step(steps.tick, &steps);
             if let Some((wheels, fix)) = &self.sensors {
                 worker.note_telling(steps.tick);

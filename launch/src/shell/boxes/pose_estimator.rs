@@ -5,6 +5,7 @@ use crate::config::System;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::pairing::{Fixes, Pairing};
+use crate::shell::renewal::Renewals;
 use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
@@ -14,7 +15,7 @@ use hilare_interfaces::messages::{HealthState, Pose, PoseFix, Steps, Wheels};
 use hilare_interfaces::state::{StateWords, Stateful};
 use hilare_interfaces::wires::{self, Role};
 use hilare_pose_estimator::{EstimatorInputs, PoseEstimator};
-use std::iter;
+use std::{iter, mem};
 
 /// The box, and the poses it told last.
 #[derive(Clone)]
@@ -77,6 +78,7 @@ pub struct EstimatorProcess {
     sensors: Option<SensorInputs>,
     pose: Output<Pose>,
     key: u64,
+    renewals: Renewals<PoseEstimator>,
     /// The tick that was estimated last.
     done: Option<Tick>,
     report: Report,
@@ -116,18 +118,36 @@ impl EstimatorProcess {
             sensors,
             pose: worker.domain.output(&wires::POSE)?,
             key,
+            renewals: Renewals::begin(worker, |system| Ok(build::pose_estimator(system)))?,
             done,
             // The lockstep clock waits for whoever seems to be behind.
             report: Report { tick: done.unwrap_or(0), ..Report::default() },
         })
     }
 
+    /// Goes on with other parameters, if it is to before the tick after `executed` ticks.
+    #[inline]
+    fn renew_at(
+        renewals: &mut Renewals<PoseEstimator>,
+        reckoner: &mut Reckoner,
+        worker: &mut Worker,
+        executed: Tick,
+    ) {
+        let Some(mut renewal) = renewals.due(worker, executed) else { return };
+        renewal.made.take_over(&mut reckoner.estimator);
+        mem::swap(&mut reckoner.estimator, &mut renewal.made);
+        mem::swap(&mut worker.system, &mut renewal.system);
+        renewals.applied(worker, renewal, executed, false);
+    }
+
     /// The next tick of which everything is there, estimated.
-    fn next(&mut self, worker: &Worker) -> Option<Pose> {
+    fn next(&mut self, worker: &mut Worker) -> Option<Pose> {
         let Some(SensorInputs { wheels, fix, encoders, pairing, fixes }) = &mut self.sensors else {
             // A predecessor, or that of the step generator, may have been as far.
             let steps = iter::from_fn(|| self.steps.next()).find(|steps| is_new(self.done, steps.tick))?;
             worker.note_taken(Role::StepGenerator, steps.tick);
+            let executed = steps.tick.saturating_sub(1);
+            Self::renew_at(&mut self.renewals, &mut self.reckoner, worker, executed);
             let inputs = EstimatorInputs { counts: &steps.counts, fixes: &[] };
             let pose = self.reckoner.step(steps.tick, inputs);
             self.report.rejected = self.reckoner.estimator.refused();
@@ -137,6 +157,7 @@ impl EstimatorProcess {
         let mut new_steps = || iter::from_fn(|| self.steps.next()).find(|steps| is_new(done, steps.tick));
         let (steps, wheels) = pairing.next(&mut new_steps, || wheels.next())?;
         worker.note_taken(Role::Plant, steps.tick);
+        Self::renew_at(&mut self.renewals, &mut self.reckoner, worker, steps.tick.saturating_sub(1));
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         // Those of the wire's history that a predecessor has used are in the state it left.
         let mut new_fixes = || iter::from_fn(|| fix.next()).find(|fix| is_new(done, fix.tick));
@@ -151,7 +172,9 @@ impl Reactive for EstimatorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
         let mut worked = false;
         let mut period_begins = false;
-        if std::mem::take(&mut self.repeats) {
+        // Before time begins there is no message to do it at.
+        Self::renew_at(&mut self.renewals, &mut self.reckoner, worker, 0);
+        if mem::take(&mut self.repeats) {
             self.reckoner.told().for_each(|pose| {
                 self.pose.send(pose);
             });

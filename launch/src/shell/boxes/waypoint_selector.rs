@@ -4,12 +4,14 @@ use super::is_new;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::page::News;
+use crate::shell::renewal::Renewals;
 use crate::shell::transport::{Input, Output, SliceInput};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{JournalKind, MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
 use hilare_interfaces::wires::{self, Role};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
+use std::mem;
 
 /// pose, path → reference.
 pub struct SelectorProcess {
@@ -22,6 +24,8 @@ pub struct SelectorProcess {
     waiting: Option<PathHeader>,
     waiting_points: Vec<Waypoint>,
     key: u64,
+    /// All it needs is in the system.
+    renewals: Renewals<()>,
     /// The tick that was answered last.
     done: Option<Tick>,
     /// The two newest poses that could not be answered for want of the path: the command of the one may be due
@@ -51,6 +55,7 @@ impl SelectorProcess {
             waiting: None,
             waiting_points: Vec::with_capacity(MAX_WAYPOINTS + 1),
             key,
+            renewals: Renewals::begin(worker, |_| Ok(()))?,
             done,
             held: [None; 2],
             report: Report { tick: done.unwrap_or(0), ..Report::default() },
@@ -88,9 +93,19 @@ impl SelectorProcess {
         held.or_else(|| self.pose.next())
     }
 
+    /// Goes on with other parameters, if it is to before it answers the pose of tick `next`.
+    #[inline]
+    fn renew_at(&mut self, worker: &mut Worker, next: Tick) {
+        let Some(mut renewal) = self.renewals.due(worker, next) else { return };
+        mem::swap(&mut worker.system, &mut renewal.system);
+        self.selector.set_tracking(worker.system.tracking, worker.system.acceptance());
+        self.renewals.applied(worker, renewal, next, false);
+    }
+
     /// Answers a pose that begins a control period.
     fn choose(&mut self, worker: &mut Worker, pose: &Pose) {
         worker.note_taken(Role::PoseEstimator, pose.tick);
+        self.renew_at(worker, pose.tick);
         let header = self.waiting.take();
         if let Some(header) = &header {
             let words = [header.path_id, header.goal_id, self.waiting_points.len() as u64];
@@ -139,6 +154,8 @@ impl SelectorProcess {
 
 impl Reactive for SelectorProcess {
     fn poll(&mut self, worker: &mut Worker) -> bool {
+        // Before time begins there is no message to do it at.
+        self.renew_at(worker, 0);
         let mut worked = self.path_may_be_there(worker) && self.take_path();
         if self.is_lost() {
             // It has the path, and sleeps.

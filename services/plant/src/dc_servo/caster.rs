@@ -25,6 +25,11 @@ impl Caster {
         Self { pivot_m, rolls: [cos, sin], swivel_radps: 0.0, scrub_mps: 0.0 }
     }
 
+    /// Goes on as `before` was turned, on a pivot of its own.
+    pub const fn take_over(&mut self, before: &Self) {
+        *self = Self { pivot_m: self.pivot_m, ..*before };
+    }
+
     /// How (v, Ω) moves the contact, the swivel held: along e and across it, along n.
     pub fn rows(&self, trail_m: f64) -> [[f64; 2]; 2] {
         let [x, y] = self.rolls;

@@ -178,6 +178,18 @@ impl DcServo {
         }
     }
 
+    /// Goes on where `before` is, with parameters of its own.
+    pub fn take_over(&mut self, before: &Self) {
+        for (wheel, old) in self.wheels.iter_mut().zip(&before.wheels) {
+            *wheel = Wheel { aside_m: wheel.aside_m, radius_m: wheel.radius_m, ..*old };
+        }
+        for (caster, old) in self.casters.iter_mut().zip(&before.casters) {
+            caster.take_over(old);
+        }
+        self.slip.take_over(&before.slip);
+        (self.pose, self.velocity, self.tick) = (before.pose, before.velocity, before.tick);
+    }
+
     /// The true pose after the set points of a tick; a repeated or older message changes nothing, the
     /// ticks of lost ones are made up with the set points of the new one.
     #[inline]

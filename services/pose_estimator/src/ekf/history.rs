@@ -123,6 +123,17 @@ impl History {
         Self { entries, ticks_max }
     }
 
+    /// Goes on with the odometry of `before`, which keeps another number of ticks. What is too old for this one
+    /// goes with the next step. Allocates nothing.
+    pub fn take_over(&mut self, before: &mut Self) {
+        if self.entries.capacity() < before.entries.capacity() {
+            core::mem::swap(&mut self.entries, &mut before.entries);
+        } else {
+            self.entries.clear();
+            self.entries.extend(before.entries.iter().copied());
+        }
+    }
+
     /// Where the filter stands.
     pub fn base(&self) -> Counted {
         self.entries[0].counted

@@ -112,6 +112,18 @@ impl Ekf {
         }
     }
 
+    /// Goes on with what `before` knows, which has other parameters; what is believed stays.
+    pub fn take_over(&mut self, before: &mut Self) {
+        self.belief = before.belief;
+        let most = self.params.restart_after - 1;
+        self.rival = before.rival.take().map(|rival| Rival { agreed: rival.agreed.min(most), ..rival });
+        self.history.take_over(&mut before.history);
+        self.per_count = before.per_count;
+        self.pose = before.pose;
+        self.captured = before.captured;
+        self.counts = before.counts;
+    }
+
     /// The pose after the counts of tick `tick` and these fixes, the oldest first. A repeated or older
     /// tick adds no way.
     pub fn step(&mut self, tick: Tick, counts: &PerWheel<i64>, fixes: &[PoseFix]) -> WorldPose {
