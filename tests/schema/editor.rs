@@ -175,11 +175,12 @@ fn mutants(file: &File) -> Vec<String> {
         texts.extend(slips(name).iter().step_by(stride).map(|slip| file.with(&site.name, slip)));
         let Some(form) = site.form else { continue };
         let (types, beyond) = wrong_values(&form, value);
-        texts.extend(types.iter().chain(&beyond).map(|wrong| file.with(&site.value, wrong)));
+        let types = types.iter().step_by(file.stride());
+        texts.extend(types.chain(&beyond).map(|wrong| file.with(&site.value, wrong)));
         match form {
             Form::Number(spec) => {
                 texts.extend(
-                    other_units(name, spec).iter().step_by(3).map(|other| file.with(&site.name, other)),
+                    other_units(name, spec).iter().step_by(stride).map(|other| file.with(&site.name, other)),
                 );
                 // Right at a bound, and a hair beyond.
                 let edges = [spec.min, spec.max, spec.max.next_up(), spec.min.next_down()];
@@ -194,10 +195,7 @@ fn mutants(file: &File) -> Vec<String> {
     }
     for header in &headers {
         texts.extend(
-            slips(&file.text[header.clone()])
-                .iter()
-                .step_by(stride.min(10))
-                .map(|slip| file.with(header, slip)),
+            slips(&file.text[header.clone()]).iter().step_by(stride).map(|slip| file.with(header, slip)),
         );
     }
     texts

@@ -46,7 +46,7 @@ impl fmt::Display for Beside {
 }
 
 /// Four digits.
-fn short(value: f64) -> f64 {
+pub(super) fn short(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 

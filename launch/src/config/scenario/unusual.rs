@@ -3,13 +3,11 @@
 use super::expected::Figure;
 use super::{Scenario, Task};
 use crate::config::System;
-use crate::config::unusual::{Beside, line, size_m};
+use crate::config::unusual::{Beside, line, short, size_m};
 use hilare_interfaces::messages::Waypoint;
 
 /// A leg of so many times the robot's size is not in its unit. The longest of the built-in scenarios is of 25.
 const LEG_SIZES: f64 = 300.0;
-/// Longest drive that needs no second thought, s.
-const DRIVE_S: f64 = 3600.0;
 /// A start so many acceptance radii away from the path's is not where the path begins.
 const START_RADII: f64 = 8.0;
 
@@ -41,19 +39,16 @@ fn distance_m(one: Waypoint, other: Waypoint) -> f64 {
     (other.x_m - one.x_m).hypot(other.y_m - one.y_m)
 }
 
+/// How long the drive takes is said by who drives.
 fn path(system: &System, place: &str, waypoints: &[Waypoint]) -> Option<String> {
-    let legs = || waypoints.windows(2).map(|pair| distance_m(pair[0], pair[1]));
-    let (longest_m, length_m, size_m) = (legs().fold(0.0, f64::max), legs().sum::<f64>(), size_m(system));
-    let unit = "are the coordinates in metres?";
-    if longest_m > LEG_SIZES * size_m {
-        let what =
-            format!("{longest_m:.4} m from one point to the next are unusual for wheels {size_m} m apart");
-        return Some(format!("{place}: {what}; {unit}"));
-    }
-    let duration_s = length_m / system.tracking.speed_mps;
-    (system.tracking.speed_mps > 0.0 && duration_s > DRIVE_S).then(|| {
-        let speed = system.tracking.speed_mps;
-        format!("{place}: {length_m:.4} m take {:.1} hours at {speed} m/s; {unit}", duration_s / DRIVE_S)
+    let legs = waypoints.windows(2).map(|pair| distance_m(pair[0], pair[1]));
+    let (longest_m, size_m) = (legs.fold(0.0, f64::max), size_m(system));
+    (longest_m > LEG_SIZES * size_m).then(|| {
+        let longest_m = short(longest_m);
+        format!(
+            "{place}: {longest_m} m from one point to the next are unusual for wheels {size_m} m apart; are the \
+             coordinates in metres?"
+        )
     })
 }
 
@@ -69,8 +64,9 @@ fn start(system: &System, at: Waypoint, first: Waypoint) -> Option<String> {
     let place = start_key(system, at, first)?;
     let (off_m, radius_m) = (distance_m(at, first), system.tracking.acceptance_radius_m);
     (off_m > START_RADII * radius_m).then(|| {
+        let off_m = short(off_m);
         format!(
-            "{place}: the start is {off_m:.4} m from the first waypoint, unusual beside \
+            "{place}: the start is {off_m} m from the first waypoint, unusual beside \
              tracking.acceptance_radius_m = {radius_m} m; is it in metres?"
         )
     })
