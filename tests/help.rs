@@ -33,6 +33,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "goal",
         "plan",
         "tune",
+        "replay",
         "reproduce",
         "latency",
         "topic",
