@@ -44,6 +44,8 @@ pub struct Ledger<'l, M> {
     known: Vec<RangeInclusive<Tick>>,
     not_recorded: u64,
     deviations: Option<Deviations>,
+    /// Beyond, the recording may lack what the box took.
+    certain_to: Tick,
 }
 
 impl<'l, M: Dated> Ledger<'l, M> {
@@ -56,7 +58,13 @@ impl<'l, M: Dated> Ledger<'l, M> {
             known: Vec::new(),
             not_recorded: 0,
             deviations: measures.then(Deviations::default),
+            certain_to: Tick::MAX,
         }
+    }
+
+    /// Beyond a tick, what differs is not compared: something was taken that the recording lacks.
+    pub fn certain_to(&mut self, tick: Tick) {
+        self.certain_to = tick;
     }
 
     /// The replay made a message that belongs to these places: each of them is to be the same, unless another one
@@ -83,6 +91,12 @@ impl<'l, M: Dated> Ledger<'l, M> {
         }
     }
 
+    /// A tick that can be none is a lie, whatever the recording lacks.
+    fn is_uncertain(&self, made: Tick, recorded: Tick) -> bool {
+        let lie = self.known.iter().any(|known| *known.end() == Tick::MAX && known.contains(&recorded));
+        made > self.certain_to && !lie
+    }
+
     /// Of these ticks the replay has made every message there can be.
     pub fn know(&mut self, ticks: RangeInclusive<Tick>) {
         self.known.push(ticks);
@@ -104,13 +118,14 @@ impl<'l, M: Dated> Ledger<'l, M> {
         };
         for (place, recorded) in self.recorded.iter().enumerate() {
             let tick = recorded.tick();
+            let made_tick = self.made.get(&place).map_or(tick, Dated::tick);
             match self.seen[place] {
                 Seen::Equal => tally.compared += 1,
+                _ if self.is_uncertain(made_tick, tick) => tally.not_compared += 1,
                 Seen::Differs => {
                     tally.compared += 1;
                     let made = self.made.get(&place);
                     // Sorted by the tick they were made for: that of a recorded message may be what differs.
-                    let made_tick = made.map_or(tick, Dated::tick);
                     differs(made_tick, &|| made.and_then(|made| first_difference(made_tick, recorded, made)));
                 }
                 Seen::Not if self.known.iter().any(|known| known.contains(&tick)) => {

@@ -149,6 +149,8 @@ pub struct RunLog {
     pub lives: Lives,
     /// The last tick of which there are steps.
     pub end: Tick,
+    /// The last tick of which there is an entry in a journal: the end of a recording may lack those that follow.
+    pub journal_end: Tick,
 }
 
 impl RunLog {
@@ -183,6 +185,7 @@ impl RunLog {
             poses: Wire::new(messages.poses),
             truths: Wire::new(messages.truths),
             lives: Lives::of(&journal),
+            journal_end: journal.iter().map(|entry| entry.tick).filter(|tick| *tick <= end).max().unwrap_or(0),
             end,
         }
     }

@@ -48,12 +48,14 @@ pub const BOXES: [Role; 6] = [
 pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
     let mut states = States::new(&log.lives);
     let mut reports = Vec::new();
+    // The step generator may have to know what they said.
+    let (mut of_controllers, lost) = boxes::controller::replay(log, &mut states, measures);
     for role in BOXES.into_iter().filter(|role| boxes.contains(role)) {
         let mut report = match role {
             Role::Planner => vec![boxes::planner::replay(log)],
             Role::WaypointSelector => vec![boxes::waypoint_selector::replay(log, &mut states, measures)],
-            Role::Controller => boxes::controller::replay(log, &mut states, measures),
-            Role::StepGenerator => vec![boxes::step_generator::replay(log, &mut states, measures)],
+            Role::Controller => std::mem::take(&mut of_controllers),
+            Role::StepGenerator => vec![boxes::step_generator::replay(log, &mut states, &lost, measures)],
             Role::PoseEstimator => vec![boxes::pose_estimator::replay(log, &mut states, measures)],
             _ => vec![boxes::plant::replay(log, measures)],
         };

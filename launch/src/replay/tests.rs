@@ -1,6 +1,7 @@
 //! Replays of runs in one thread; those of processes are in tests/replay.rs.
 
 use super::boxes::BoxReport;
+use super::boxes::controller::Lost;
 use super::closed::{Driven, drive};
 use super::collect::Collector;
 use super::in_process::journal;
@@ -193,7 +194,7 @@ fn driven_again_without_changes_it_ends_in_the_same_bits() {
             let (system, messages) = recorded(scenario, set, ticks);
             let count = messages.poses.len() as u64;
             let log = log_of(&system, messages);
-            let driven = drive(&log).expect("it begins whole");
+            let driven = drive(&log, &Lost::new()).expect("it begins whole");
             assert_eq!(parts(&driven), [] as [&str; 0], "{scenario} {ticks}");
             assert_eq!(
                 (driven.parted["pose"].compared, driven.ticks),

@@ -1,8 +1,10 @@
 //! What was driven and what would have been, side by side.
 
+use super::boxes::controller;
 use super::closed::{Driven, drive};
 use super::fields::Difference;
 use super::log::RunLog;
+use super::states::States;
 use crate::report::overlay::{Run, write_overlay};
 use crate::report::raster::Format;
 use hilare_controller::LawSpec;
@@ -121,8 +123,9 @@ pub fn compare(log: RunLog, set: &[String], law: Option<&'static LawSpec>) -> Re
     check_keys(set)?;
     let period = |log: &RunLog| log.first_system().map_or(1, |system| system.timing.period_ticks);
     let recorded = recorded(&log, period(&log));
+    let (_, lost) = controller::replay(&log, &mut States::new(&log.lives), false);
     let changed_log = log.changed(set, law)?;
-    let changed = drive(&changed_log)?;
+    let changed = drive(&changed_log, &lost)?;
     let law = law.map(|law| format!("controller.law={}", law.name));
     let what_if = WhatIf {
         run: changed_log.title.name.clone(),

@@ -12,15 +12,19 @@ use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, JournalKind, Reference};
 use hilare_interfaces::wires::Role;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Source and epoch of a process.
 pub fn identity(life: &Life) -> (u64, u64) {
     (life.slot + 1, life.epoch)
 }
 
+/// Commands that were sent and are not in the recording, by source, epoch and number: as the replay made them.
+pub type Lost = BTreeMap<(u64, u64, u64), Command>;
+
 /// Replays every process, those first whose state others went on from.
-pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> Vec<BoxReport> {
+pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> (Vec<BoxReport>, Lost) {
+    let mut lost = Lost::new();
     let mut reports = Vec::new();
     let mut waiting = log.lives.of_role(Role::Controller);
     let mut ours = BTreeSet::new();
@@ -28,7 +32,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> Vec<BoxRepor
         let place = waiting.iter().position(|life| !waits_for_another(life, &waiting)).unwrap_or(0);
         let life = waiting.remove(place);
         ours.insert(identity(life));
-        reports.push(((life.tick, identity(life)), replay_life(log, life, states, measures)));
+        reports.push(((life.tick, identity(life)), replay_life(log, life, states, &mut lost, measures)));
     }
     for (writer, commands) in &log.commands {
         if !ours.contains(writer) {
@@ -37,7 +41,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> Vec<BoxRepor
         }
     }
     reports.sort_by_key(|(order, _)| *order);
-    reports.into_iter().map(|(_, report)| report).collect()
+    (reports.into_iter().map(|(_, report)| report).collect(), lost)
 }
 
 /// True if it went on from the state of a process that has not been replayed.
@@ -88,14 +92,20 @@ pub fn begin(log: &RunLog, life: &Life) -> Result<(Controller, &'static LawSpec,
     Ok((controller, law, state_key(system, law)))
 }
 
-fn replay_life(log: &RunLog, life: &Life, states: &mut States, measures: bool) -> BoxReport {
+fn replay_life(
+    log: &RunLog,
+    life: &Life,
+    states: &mut States,
+    lost: &mut Lost,
+    measures: bool,
+) -> BoxReport {
     let writer = identity(life);
     let commands = log.commands.get(&writer).map_or(&[][..], Vec::as_slice);
     let mut report = BoxReport::new(Role::Controller);
     let law = life.law.map_or("?", |law| law.name);
     report.name = format!("controller {}.{} {law}", writer.0, writer.1);
     let mut ledger = Ledger::new(commands, measures);
-    if let Err(why) = replay_commands(log, life, commands, states, &mut ledger) {
+    if let Err(why) = replay_commands(log, life, commands, states, (&mut ledger, lost)) {
         report.notes.push(why);
     }
     report.wires.push(ledger.tally("command"));
@@ -107,7 +117,7 @@ fn replay_commands(
     life: &Life,
     commands: &[Command],
     states: &mut States,
-    ledger: &mut Ledger<'_, Command>,
+    (ledger, lost): (&mut Ledger<'_, Command>, &mut Lost),
 ) -> Result<(), String> {
     let (mut controller, _, key) = begin(log, life)?;
     if let Some(from) = life.state {
@@ -128,11 +138,12 @@ fn replay_commands(
             Some(_) => log.references.ticks(last, tick.saturating_sub(1)),
             None => Vec::new(),
         };
-        let lost = recorded.seq.wrapping_sub(number).wrapping_sub(1);
-        if lost > 0 && lost == between.len() as u64 {
+        let missing = recorded.seq.wrapping_sub(number).wrapping_sub(1);
+        if missing > 0 && missing == between.len() as u64 {
             for tick in between {
                 let command = answer(log, life, &mut controller, tick, None)?;
                 ledger.make(0..0, &command);
+                lost.insert((command.source, command.epoch, command.seq), command);
                 states.keep(life.slot, tick, key, &mut controller);
             }
         }

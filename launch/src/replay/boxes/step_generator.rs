@@ -1,6 +1,7 @@
 //! The step generator, with authority, commands and pauses at the ticks its journal says.
 
 use super::BoxReport;
+use super::controller::Lost;
 use crate::replay::fields::Difference;
 use crate::replay::ledger::{Ledger, Tally};
 use crate::replay::lives::Life;
@@ -16,10 +17,11 @@ use hilare_interfaces::wires::Role;
 use hilare_step_generator::{StepGenerator, StepInputs};
 
 /// Replays every process of it.
-pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
+pub fn replay(log: &RunLog, states: &mut States, lost: &Lost, measures: bool) -> BoxReport {
     let mut report = BoxReport::new(Role::StepGenerator);
     let mut ledger = Ledger::new(log.steps.all(), measures);
     let mut inputs = Tally { wire: "taken in".to_owned(), ..Tally::default() };
+    ledger.certain_to(log.journal_end);
     let lives = log.lives.of_role(Role::StepGenerator);
     for (n, life) in lives.iter().enumerate() {
         // What was executed was remembered before it was told.
@@ -27,7 +29,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
             None => log.end,
             Some(next) => next.done().unwrap_or(next.tick),
         };
-        if let Err(why) = replay_life(log, life, to, states, &mut ledger, &mut inputs) {
+        if let Err(why) = replay_life(log, life, to, states, lost, (&mut ledger, &mut inputs)) {
             report.note(life, &why);
         }
     }
@@ -51,7 +53,7 @@ pub enum Taken {
 }
 
 /// What an entry stands for; why not, if the recording lacks it; and whether the recorded one has other bits.
-pub fn taken(log: &RunLog, entry: &Journal) -> (Result<Taken, String>, Option<Difference>) {
+pub fn taken(log: &RunLog, lost: &Lost, entry: &Journal) -> (Result<Taken, String>, Option<Difference>) {
     let tick = entry.tick;
     let [a, b, c, d, ..] = entry.words;
     let lacks = |what: String| format!("{what}, taken in at tick {tick}, is missing in the recording");
@@ -85,7 +87,9 @@ pub fn taken(log: &RunLog, entry: &Journal) -> (Result<Taken, String>, Option<Di
         }
         Some(JournalKind::Command) => {
             let what = format!("command {c} of controller {a}.{b}");
-            match log.command(a, b, c, d) {
+            // One that was lost on the way to the recording, and made again, is known by its hash.
+            let again = || lost.get(&(a, b, c)).filter(|command| command.content_hash() == d);
+            match log.command(a, b, c, d).or_else(again) {
                 None => (Err(lacks(what)), None),
                 Some(found) => {
                     let differs = check(&what, found.content_hash(), d);
@@ -112,8 +116,8 @@ fn replay_life(
     life: &Life,
     to: Tick,
     states: &mut States,
-    ledger: &mut Ledger<'_, Steps>,
-    inputs: &mut Tally,
+    lost: &Lost,
+    (ledger, inputs): (&mut Ledger<'_, Steps>, &mut Tally),
 ) -> Result<(), String> {
     let key = key_of(Role::StepGenerator);
     let mut generator = begin(log, life, states)?;
@@ -140,7 +144,7 @@ fn replay_life(
         if tick < entry.tick {
             break;
         }
-        let (taken, differs) = taken(log, entry);
+        let (taken, differs) = taken(log, lost, entry);
         inputs.compared += u64::from(matches!(taken, Ok(Taken::Authority(_) | Taken::Command(_))));
         if let Some(differs) = differs {
             inputs.differing += 1;

@@ -20,6 +20,7 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
     let mut ledger = Ledger::new(log.references.all(), measures);
     // Of the end, some wires may have more than others.
     let end = log.poses.last(log.end).unwrap_or(0);
+    ledger.certain_to(log.journal_end);
     let lives = log.lives.of_role(Role::WaypointSelector);
     for (n, life) in lives.iter().enumerate() {
         let period = log.system(life).map_or(1, |system| system.timing.period_ticks);

@@ -18,6 +18,7 @@ pub mod outside;
 use super::fields::{Difference, first_difference};
 use super::log::{Dated, RunLog, Wire};
 use super::states::States;
+use crate::replay::boxes::controller::Lost;
 use crate::replay::boxes::step_generator::begin;
 use crate::shell::checkpoint::key_of;
 use boxes::{Driving, Estimating, Paths, Selecting, Simulating};
@@ -77,12 +78,12 @@ fn time_limit(end: Tick) -> Tick {
     5 * end + 60 * TICKS_PER_SECOND
 }
 
-/// Drives again, with the system files and laws of `log`.
-pub fn drive(log: &RunLog) -> Result<Driven, String> {
+/// Drives again, with the system files and laws of `log`; `lost` are commands the recording lacks.
+pub fn drive(log: &RunLog, lost: &Lost) -> Result<Driven, String> {
     outside::begins_whole(log)?;
     let first = log.lives.of_role(Role::StepGenerator)[0];
     let period_ticks = log.system(first)?.timing.period_ticks;
-    let mut drive = Drive::new(log, Outside::of(log, period_ticks)?, period_ticks)?;
+    let mut drive = Drive::new(log, Outside::of(log, lost, period_ticks)?, period_ticks)?;
     drive.begin()?;
     loop {
         drive.choose()?;

@@ -1,6 +1,6 @@
 //! What comes from outside a drive, at its ticks: what the recording says was ordered, lost, started and ended.
 
-use crate::replay::boxes::controller::identity;
+use crate::replay::boxes::controller::{Lost, identity};
 use crate::replay::boxes::step_generator::{Taken, taken};
 use crate::replay::lives::Life;
 use crate::replay::log::{Dated, RunLog, Wire};
@@ -98,7 +98,7 @@ pub fn begins_whole(log: &RunLog) -> Result<(), String> {
 
 impl Outside {
     /// From a recording; `period_ticks` as it is to be driven.
-    pub fn of(log: &RunLog, period_ticks: u64) -> Result<Self, String> {
+    pub fn of(log: &RunLog, lost: &Lost, period_ticks: u64) -> Result<Self, String> {
         let recorded_period = recorded_period(log).unwrap_or(period_ticks);
         let as_recorded = recorded_period == period_ticks;
         let mut outside = Self {
@@ -122,17 +122,24 @@ impl Outside {
                 outside.sent.extend(commands.iter().map(|command| (*source, *epoch, command.pose_tick)));
             }
         }
+        outside.sent.extend(lost.values().map(|command| (command.source, command.epoch, command.pose_tick)));
         for life in log.lives.of_role(Role::StepGenerator) {
-            outside.add_life(log, life, &ours)?;
+            outside.add_life(log, life, lost, &ours)?;
         }
         outside.ending = arrived.and_then(|arrived| outside.find_ending(arrived));
         Ok(outside)
     }
 
-    fn add_life(&mut self, log: &RunLog, life: &Life, ours: &BTreeSet<(u64, u64)>) -> Result<(), String> {
+    fn add_life(
+        &mut self,
+        log: &RunLog,
+        life: &Life,
+        lost: &Lost,
+        ours: &BTreeSet<(u64, u64)>,
+    ) -> Result<(), String> {
         self.events.push((life.done().unwrap_or(0), Event::Began(life.clone())));
         for entry in &life.entries {
-            let (found, _) = taken(log, entry);
+            let (found, _) = taken(log, lost, entry);
             let event = match found {
                 Ok(Taken::Authority(authority)) => Event::Authority(authority),
                 Ok(Taken::Command(command)) if ours.contains(&(command.source, command.epoch)) => {

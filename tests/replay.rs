@@ -1,0 +1,244 @@
+//! Recordings of real processes, replayed to the last bit: of every scenario, and after everything that may happen on
+//! the way.
+
+mod support;
+
+use rustix::process::Signal;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::Duration;
+use support::process::signal;
+use support::{Lab, PATIENCE, Running, number, pid_of, quick, text, wait_until, whole_machine};
+
+/// Scenarios that every installation has.
+const SCENARIOS: [&str; 10] = [
+    "rectangle",
+    "rectangle-open",
+    "trapezoid",
+    "so",
+    "platform",
+    "line-21deg",
+    "arc-102cm",
+    "agv-low",
+    "agv-high",
+    "agv-course",
+];
+
+/// Boxes of which a recording has messages.
+const BOXES: [&str; 5] = ["waypoint_selector", "controller", "step_generator", "pose_estimator", "plant"];
+
+/// A run in real time that is recorded, along a path longer than any test.
+struct Drive<'l> {
+    lab: &'l Lab,
+    robot: String,
+    run: Running,
+    dir: PathBuf,
+}
+
+impl<'l> Drive<'l> {
+    fn begin(lab: &'l Lab, more: &[&str]) -> Self {
+        let robot = lab.robot();
+        let path = lab.file("laps.csv", format!("x,y\n0.2,0.2\n{}", "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n".repeat(20)));
+        let dir = lab.dir().join("report");
+        let mut command = lab.command(&["run", "rectangle", "--path", &path.to_string_lossy()]);
+        command.args(["--robot", &robot, "--start", "0.2,0.2,0", "--out", &dir.to_string_lossy()]);
+        // A busy machine is no reason to stop, nor to give a process up.
+        command.args(["--set", "timing.pause_stop_ticks=0", "--set", "supervision.restart_budget=100"]);
+        command.args(["--set", "supervision.hung_after_s=5"]).args(more);
+        let run = Running::start(command);
+        let drive = Self { lab, robot, run, dir };
+        drive.goes_on("it drives");
+        drive
+    }
+
+    fn status(&self) -> Value {
+        self.lab.status(&self.robot).expect("it is up")
+    }
+
+    fn tell(&self, args: &[&str]) {
+        self.lab.hilare(&[args, &["--robot", &self.robot]].concat()).expect_code(0);
+    }
+
+    /// Waits for half a second of the drive.
+    fn goes_on(&self, what: &str) {
+        let mut from = None;
+        self.lab.await_status(&self.robot, what, |status| {
+            let tick = number(status, "tick");
+            tick > 0.0 && tick > *from.get_or_insert_with(|| tick) + 500.0
+        });
+    }
+
+    fn kill(&self, process: &str) {
+        let old = pid_of(&self.status(), process);
+        signal(old, Signal::KILL);
+        self.lab.await_status(&self.robot, &format!("a successor of {process}"), |status| {
+            let processes = status["processes"].as_array().into_iter().flatten();
+            processes.into_iter().any(|found| {
+                let working = found["state"] != "starting" && found["state"] != "restarting";
+                found["name"] == process && working && found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old))
+            })
+        });
+        self.goes_on(&format!("ticks after the death of {process}"));
+    }
+
+    fn end(self) -> PathBuf {
+        self.run.signal(Signal::INT);
+        let ended = self.run.wait(PATIENCE);
+        println!("{}", ended.stderr);
+        self.dir
+    }
+}
+
+/// Replays a recording, which must end in its own bits; what it came to.
+#[track_caller]
+fn replayed(lab: &Lab, dir: &Path) -> Value {
+    let ended = lab.hilare(&["replay", &dir.to_string_lossy(), "--json"]);
+    let report: Value = serde_json::from_str(&ended.stdout).unwrap_or_else(|error| panic!("{error}: {ended:#?}"));
+    assert!(ended.code == Some(0) && report["equal"] == true, "{report:#}");
+    for wanted in BOXES {
+        let boxes = report["boxes"].as_array().expect("boxes").iter();
+        let compared: f64 = boxes
+            .filter(|found| text(found, "box").starts_with(wanted))
+            .flat_map(|found| found["wires"].as_array().expect("wires"))
+            .map(|tally| number(tally, "compared"))
+            .sum();
+        assert!(compared > 0.0, "nothing of {wanted} was compared: {report:#}");
+    }
+    report
+}
+
+/// Notes of all boxes.
+fn notes(report: &Value) -> Vec<String> {
+    let boxes = report["boxes"].as_array().expect("boxes").iter();
+    boxes.flat_map(|found| found["notes"].as_array().expect("notes")).map(Value::to_string).collect()
+}
+
+/// Driven again with a value it has already, it never leaves the recording.
+#[track_caller]
+fn driven_again(lab: &Lab, dir: &Path) {
+    let args = ["replay", &dir.to_string_lossy(), "--set", "timing.hold_cycles=2", "--json"];
+    let ended = lab.hilare(&args).expect_code(0);
+    let report: Value = serde_json::from_str(&ended.stdout).expect("JSON");
+    assert_eq!(report["parted"], Value::Null, "{report:#}");
+}
+
+#[test]
+fn every_scenario_replays_to_its_bits_in_virtual_time() {
+    let lab = Lab::new();
+    for clock in ["in-process", "lockstep"] {
+        for scenario in SCENARIOS {
+            if clock == "lockstep" && scenario != "line-21deg" && quick(&format!("{scenario} in lockstep")) {
+                continue;
+            }
+            let dir = lab.dir().join(format!("{scenario}-{clock}"));
+            let robot = lab.robot();
+            let args = ["run", scenario, "--clock", clock, "--robot", &robot, "--out", &dir.to_string_lossy()];
+            lab.hilare(&args);
+            let report = replayed(&lab, &dir);
+            assert_eq!(notes(&report), [] as [&str; 0], "{scenario} {clock}: {report:#}");
+            driven_again(&lab, &dir);
+        }
+    }
+}
+
+#[test]
+fn a_swap_of_law_and_of_parameters_a_goal_and_a_stop_are_replayed() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let drive = Drive::begin(&lab, &["--standby", "kanayama"]);
+    drive.tell(&["swap", "controller", "qp"]);
+    drive.goes_on("it drives on with the other law");
+    drive.tell(&["swap", "waypoint_selector", "--set", "tracking.speed_mps=0.03"]);
+    drive.goes_on("it drives on with another speed");
+    drive.tell(&["goal", "0.6", "0.5"]);
+    drive.goes_on("it drives to the goal");
+    let path = lab.file("other.csv", "x,y\n0.3,0.3\n0.5,0.3\n0.5,0.5\n");
+    drive.tell(&["follow", &path.to_string_lossy()]);
+    drive.goes_on("it follows");
+    drive.tell(&["stop"]);
+    drive.goes_on("it stands");
+    drive.tell(&["arm"]);
+    drive.goes_on("it drives again");
+    let dir = drive.end();
+    let report = replayed(&lab, &dir);
+    let controllers = report["boxes"].as_array().expect("boxes").iter();
+    let laws: Vec<&str> =
+        controllers.map(|found| text(found, "box")).filter(|name| name.starts_with("controller")).collect();
+    assert!(laws.iter().any(|name| name.ends_with("qp")) && laws.len() >= 3, "{laws:?}");
+    driven_again(&lab, &dir);
+}
+
+#[test]
+fn the_death_of_each_box_is_replayed() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let drive = Drive::begin(&lab, &["--standby", "kanayama"]);
+    for process in ["planner", "waypoint_selector", "controller", "pose_estimator", "controller"] {
+        drive.kill(process);
+    }
+    drive.kill("step_generator");
+    drive.tell(&["arm"]);
+    drive.goes_on("it is armed again");
+    let dir = drive.end();
+    replayed(&lab, &dir);
+    driven_again(&lab, &dir);
+}
+
+#[test]
+fn the_death_of_the_simulated_robot_and_an_emergency_stop_are_replayed() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let drive = Drive::begin(&lab, &["--controller", "qp"]);
+    drive.kill("plant");
+    drive.tell(&["estop"]);
+    drive.goes_on("it stands");
+    let dir = drive.end();
+    replayed(&lab, &dir);
+}
+
+#[test]
+fn a_pause_of_the_clock_is_replayed() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    let drive = Drive::begin(&lab, &["--controller", "stanley", "--standby", "pure-pursuit"]);
+    let clock = pid_of(&drive.status(), "step_generator");
+    for _ in 0..5 {
+        signal(clock, Signal::STOP);
+        sleep(Duration::from_millis(37));
+        signal(clock, Signal::CONT);
+        drive.goes_on("it drives on");
+    }
+    let paused = number(&drive.status(), "paused_ticks");
+    assert!(paused >= 100.0, "{paused} ticks paused");
+    let dir = drive.end();
+    replayed(&lab, &dir);
+    driven_again(&lab, &dir);
+}
+
+#[test]
+fn a_cart_with_encoders_and_camera_and_one_on_mecanum_wheels_are_replayed_in_real_time() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    for (scenario, more, killed) in [
+        ("line-21deg", &["--set", "estimator.kind=ekf"][..], "pose_estimator"),
+        ("agv-low", &[], "waypoint_selector"),
+        ("arc-102cm", &[], "pose_estimator"),
+    ] {
+        let dir = lab.dir().join(scenario);
+        let robot = lab.robot();
+        let mut command = lab.command(&["run", scenario, "--robot", &robot, "--out", &dir.to_string_lossy()]);
+        command.args(["--set", "timing.pause_stop_ticks=0", "--set", "supervision.hung_after_s=5"]).args(more);
+        let run = Running::start(command);
+        let status = lab.await_status(&robot, "it drives", |status| number(status, "tick") > 500.0);
+        signal(pid_of(&status, killed), Signal::KILL);
+        let tick = number(&status, "tick");
+        wait_until("it drives on or has arrived", || {
+            lab.status(&robot).is_none_or(|status| number(&status, "tick") > tick + 1500.0)
+        });
+        run.signal(Signal::INT);
+        run.wait(PATIENCE);
+        replayed(&lab, &dir);
+        driven_again(&lab, &dir);
+    }
+}
