@@ -39,7 +39,10 @@ struct Drive<'l> {
 impl<'l> Drive<'l> {
     fn begin(lab: &'l Lab, more: &[&str]) -> Self {
         let robot = lab.robot();
-        let path = lab.file("laps.csv", format!("x,y\n0.2,0.2\n{}", "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n".repeat(20)));
+        let path = lab.file(
+            "laps.csv",
+            format!("x,y\n0.2,0.2\n{}", "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n".repeat(20)),
+        );
         let dir = lab.dir().join("report");
         let mut command = lab.command(&["run", "rectangle", "--path", &path.to_string_lossy()]);
         command.args(["--robot", &robot, "--start", "0.2,0.2,0", "--out", &dir.to_string_lossy()]);
@@ -76,7 +79,9 @@ impl<'l> Drive<'l> {
             let processes = status["processes"].as_array().into_iter().flatten();
             processes.into_iter().any(|found| {
                 let working = found["state"] != "starting" && found["state"] != "restarting";
-                found["name"] == process && working && found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old))
+                found["name"] == process
+                    && working
+                    && found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old))
             })
         });
         self.goes_on(&format!("ticks after the death of {process}"));
@@ -94,7 +99,8 @@ impl<'l> Drive<'l> {
 #[track_caller]
 fn replayed(lab: &Lab, dir: &Path) -> Value {
     let ended = lab.hilare(&["replay", &dir.to_string_lossy(), "--json"]);
-    let report: Value = serde_json::from_str(&ended.stdout).unwrap_or_else(|error| panic!("{error}: {ended:#?}"));
+    let report: Value =
+        serde_json::from_str(&ended.stdout).unwrap_or_else(|error| panic!("{error}: {ended:#?}"));
     assert!(ended.code == Some(0) && report["equal"] == true, "{report:#}");
     for wanted in BOXES {
         let boxes = report["boxes"].as_array().expect("boxes").iter();
@@ -133,7 +139,8 @@ fn every_scenario_replays_to_its_bits_in_virtual_time() {
             }
             let dir = lab.dir().join(format!("{scenario}-{clock}"));
             let robot = lab.robot();
-            let args = ["run", scenario, "--clock", clock, "--robot", &robot, "--out", &dir.to_string_lossy()];
+            let args =
+                ["run", scenario, "--clock", clock, "--robot", &robot, "--out", &dir.to_string_lossy()];
             lab.hilare(&args);
             let report = replayed(&lab, &dir);
             assert_eq!(notes(&report), [] as [&str; 0], "{scenario} {clock}: {report:#}");
@@ -228,7 +235,9 @@ fn a_cart_with_encoders_and_camera_and_one_on_mecanum_wheels_are_replayed_in_rea
         let dir = lab.dir().join(scenario);
         let robot = lab.robot();
         let mut command = lab.command(&["run", scenario, "--robot", &robot, "--out", &dir.to_string_lossy()]);
-        command.args(["--set", "timing.pause_stop_ticks=0", "--set", "supervision.hung_after_s=5"]).args(more);
+        command
+            .args(["--set", "timing.pause_stop_ticks=0", "--set", "supervision.hung_after_s=5"])
+            .args(more);
         let run = Running::start(command);
         let status = lab.await_status(&robot, "it drives", |status| number(status, "tick") > 500.0);
         signal(pid_of(&status, killed), Signal::KILL);

@@ -75,65 +75,70 @@
 #define HILARE_TRUTH_SERVICE "hilare/truth"
 #define HILARE_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
-/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder ->
- * launch, relay, 20 Hz: state, reason, counters. Health. */
+/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder,
+ * operator -> launch, relay, 20 Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
 #define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
-/* relay -> recorder, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints. */
+/* relay -> recorder, observers, on demand: a point to go to, or waypoints to follow. GoalHeader, then
+ * Waypoints. */
 #define HILARE_WATCH_GOAL_SERVICE "hilare/watch/goal"
 #define HILARE_WATCH_GOAL_LAYOUT "9798f1174bf0a157 0.1.0"
 
-/* relay -> recorder, on demand: accepted, or why not. Answer. */
+/* relay -> recorder, observers, on demand: accepted, or why not. Answer. */
 #define HILARE_WATCH_ANSWER_SERVICE "hilare/watch/answer"
 #define HILARE_WATCH_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
 
-/* relay -> recorder, on demand: waypoints in the world frame, at most 65 536. PathHeader, then
- * Waypoints. */
+/* relay -> recorder, operator, observers, on demand: waypoints in the world frame, at most 65 536.
+ * PathHeader, then Waypoints. */
 #define HILARE_WATCH_PATH_SERVICE "hilare/watch/path"
 #define HILARE_WATCH_PATH_LAYOUT "5e7b14bcbb67098e 0.1.0"
 
-/* relay -> recorder, launch, every control period: last, current and coming waypoints, index, total,
- * speed. Reference. */
+/* relay -> recorder, operator, launch, observers, every control period: last, current and coming
+ * waypoints, index, total, speed. Reference. */
 #define HILARE_WATCH_REFERENCE_SERVICE "hilare/watch/reference"
 #define HILARE_WATCH_REFERENCE_LAYOUT "0ef859e5d54ee1df 0.1.0"
 
-/* relay -> recorder, every control period: body velocity with source, epoch, seq, pose tick and
- * effective tick. Command. */
+/* relay -> recorder, operator, observers, every control period: body velocity with source, epoch, seq,
+ * pose tick and effective tick. Command. */
 #define HILARE_WATCH_COMMAND_SERVICE "hilare/watch/command"
 #define HILARE_WATCH_COMMAND_LAYOUT "533469003df0fb51 0.1.0"
 
-/* relay -> recorder, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority. */
+/* relay -> recorder, operator, observers, 50 Hz: which source and epoch, armed / stop / e-stop; launch's
+ * lease. Authority. */
 #define HILARE_WATCH_AUTHORITY_SERVICE "hilare/watch/authority"
 #define HILARE_WATCH_AUTHORITY_LAYOUT "5fe1e47848fda10e 0.1.0"
 
-/* relay -> recorder, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds. Steps. */
+/* relay -> recorder, operator, launch, observers, 1 kHz: cumulative signed counts a wheel, commanded
+ * wheel speeds. Steps. */
 #define HILARE_WATCH_STEPS_SERVICE "hilare/watch/steps"
 #define HILARE_WATCH_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
 
-/* relay -> recorder, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels. */
+/* relay -> recorder, operator, observers, 1 kHz: cumulative encoder counts, where the robot has encoders
+ * or a camera. Wheels. */
 #define HILARE_WATCH_WHEELS_SERVICE "hilare/watch/wheels"
 #define HILARE_WATCH_WHEELS_LAYOUT "bb9caf7b605e9700 0.1.0"
 
-/* relay -> recorder, on demand: pose measured from outside, late and noisy, where there is a camera.
- * PoseFix. */
+/* relay -> recorder, operator, observers, on demand: pose measured from outside, late and noisy, where
+ * there is a camera. PoseFix. */
 #define HILARE_WATCH_FIX_SERVICE "hilare/watch/fix"
 #define HILARE_WATCH_FIX_LAYOUT "5f2d70eb98eff79d 0.1.0"
 
-/* relay -> planner, recorder, launch, 1 kHz: estimated pose in the world frame. Pose. */
+/* relay -> planner, recorder, operator, launch, observers, 1 kHz: estimated pose in the world frame.
+ * Pose. */
 #define HILARE_WATCH_POSE_SERVICE "hilare/watch/pose"
 #define HILARE_WATCH_POSE_LAYOUT "2fa61ce500ab69a3 0.1.0"
 
-/* relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth. */
+/* relay -> recorder, operator, observers, 1 kHz: true pose; never seen by the control path. Truth. */
 #define HILARE_WATCH_TRUTH_SERVICE "hilare/watch/truth"
 #define HILARE_WATCH_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
-/* relay -> recorder, 20 Hz: state, reason, counters. Health. */
+/* relay -> recorder, observers, 20 Hz: state, reason, counters. Health. */
 #define HILARE_WATCH_HEALTH_SERVICE "hilare/watch/health"
 #define HILARE_WATCH_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
-/* relay -> recorder, on demand: what each box took from outside, and at which tick: what a replay needs
- * beside the wires. Journal. */
+/* relay -> recorder, observers, on demand: what each box took from outside, and at which tick: what a
+ * replay needs beside the wires. Journal. */
 #define HILARE_WATCH_JOURNAL_SERVICE "hilare/watch/journal"
 #define HILARE_WATCH_JOURNAL_LAYOUT "bd34c6be9381277f 0.1.0"
 
@@ -241,9 +246,9 @@ enum hilare_health_state {
 
 /* What a box noted in its journal, and what the words of the entry are. */
 enum hilare_journal_kind {
-    /* The process is at work: incarnation; epoch; number of its system file; law of a controller, by its
-     * place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on from (0 none);
-     * place plus 1 of whose state that was. */
+    /* The process is at work, from this tick on: incarnation; epoch; number of its system file; law of a
+     * controller, by its place in the list of laws plus 1 (0 none); ticks plus 1 of the state it went on
+     * from (0 none); place plus 1 of whose state that was. */
     HILARE_JOURNAL_KIND_BEGAN = 1,
     /* Authority was taken in: its seq; hash of the message. */
     HILARE_JOURNAL_KIND_AUTHORITY = 2,
@@ -254,7 +259,7 @@ enum hilare_journal_kind {
     /* A path acts from the pose of this tick on: path id; goal id; number of waypoints. */
     HILARE_JOURNAL_KIND_PATH = 5,
     /* A goal was answered, the robot being where the pose of this tick says: goal id; 1 accepted, 0
-     * refused; path id. */
+     * refused; path id; 1 if the clock or a newer goal cut the search short. */
     HILARE_JOURNAL_KIND_GOAL = 6,
     /* Parameters were changed; from this tick on what the box does it does with the new ones: number of
      * the change; number of its system file; the tick it was meant for. */

@@ -95,6 +95,14 @@ pub(super) fn send(living: &Living, request: &Request) -> Result<Response, Failu
         .map_err(|error| Failure::Fault(format!("robot {:?} does not answer: {error}", living.robot)))
 }
 
+/// The system a robot works with now, changes included.
+pub(super) fn system_in_force(robot: &Living) -> Result<System, Failure> {
+    let text = send(robot, &Request::System)?.system.ok_or_else(|| {
+        Failure::Fault("launch answered without its system; another version of hilare?".to_owned())
+    })?;
+    System::parse(&robot.robot, &text).map_err(|error| Failure::Fault(error.to_string()))
+}
+
 pub(super) fn show(response: &Response, json: bool) -> VerbResult {
     if json {
         print(&format!("{}\n", serde_json::json!({ "ok": response.ok, "message": response.message })));

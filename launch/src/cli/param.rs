@@ -1,6 +1,6 @@
 //! `hilare param`: what the parameters are, and other ones while the robot drives.
 
-use super::operate::{RobotArgs, choose, send, show, with_map_found};
+use super::operate::{RobotArgs, choose, send, show, system_in_force, with_map_found};
 use super::{VerbResult, print, refused};
 use crate::config::{Key, Liveness, System};
 use crate::manager::Failure;
@@ -75,10 +75,7 @@ impl OfArgs {
             Failure::Refused(why) => refused(format!("{why}; or --system NAME: a system's, without a robot")),
             other => other,
         })?;
-        let text = send(&robot, &Request::System)?.system.ok_or_else(|| {
-            Failure::Fault("launch answered without its system; another version of hilare?".to_owned())
-        })?;
-        System::parse(&robot.robot, &text).map_err(|error| Failure::Fault(error.to_string()))
+        system_in_force(&robot)
     }
 }
 

@@ -1,16 +1,16 @@
 //! `hilare record`: every wire of a robot that is up, into files.
 
-use super::operate::{RobotArgs, choose};
+use super::operate::{RobotArgs, choose, send, system_in_force};
 use super::{VerbResult, print, refused};
-use crate::config::System;
 use crate::logging;
 use crate::manager::Failure;
+use crate::manager::control::Request;
 use crate::manager::robot_dir::living_robots;
 use crate::recording::wires::taps;
 use crate::recording::{RECORDING_FILE, Report, RunInfo, Settings, Tape};
 use crate::shell::observer::survive_the_file_size_limit;
+use crate::shell::realtime;
 use crate::shell::transport::Domain;
-use crate::shell::{ClockKind, realtime};
 use clap::Args;
 use serde_json::json;
 use std::io::{self, Write};
@@ -63,13 +63,15 @@ pub fn record(args: &RecordArgs) -> VerbResult {
     survive_the_file_size_limit().map_err(Failure::Fault)?;
     realtime::leave_the_control_path();
     let dir = robot.socket.parent().unwrap_or(robot.socket.as_path());
-    let system = System::load(&dir.join(SYSTEM_FILE).to_string_lossy()).map_err(refused)?;
+    let system = system_in_force(&robot)?;
+    let clock = send(&robot, &Request::Status)?.status.map_or_else(String::new, |status| status.clock);
     let domain = Domain::join(dir, "record").map_err(refused)?;
     let taps = taps(&domain).map_err(refused)?;
     let path = place(args.out.as_deref(), &robot.robot)?;
-    let info = RunInfo::new(&system, "", ClockKind::Real.name());
+    let info = RunInfo::new(&system, "", &clock);
     let settings = Settings::of(&system, path.clone(), false);
     let mut tape = Tape::begin(settings, info, system.to_toml()).map_err(refused)?;
+    tape.keep_systems_of(dir);
     let until = args.seconds.map_or("Ctrl-C ends it".to_owned(), |seconds| format!("for {seconds} s"));
     let _ = writeln!(io::stderr(), "hilare: recording {:?} into {}; {until}", robot.robot, path.display());
 
@@ -96,9 +98,6 @@ pub fn record(args: &RecordArgs) -> VerbResult {
     }
     Ok(ExitCode::SUCCESS)
 }
-
-/// The system file in a robot's runtime directory.
-const SYSTEM_FILE: &str = "system.toml";
 
 /// The file to begin with. What is recorded already is never written over.
 fn place(out: Option<&Path>, robot: &str) -> Result<PathBuf, Failure> {

@@ -7,6 +7,7 @@
 use super::info::RunInfo;
 use super::wires::RECORDED;
 use super::{METADATA, RecordingError, SYSTEM_ATTACHMENT, schemas};
+use crate::shell::worker::system_file;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use rustix::fs::{FallocateFlags, fallocate};
@@ -63,6 +64,12 @@ pub struct View {
     pub definition: String,
 }
 
+/// A system file in the recording.
+fn toml(name: String, text: &str) -> Attachment<'_> {
+    let data = Cow::Borrowed(text.as_bytes());
+    Attachment { log_time: 0, create_time: 0, name, media_type: "application/toml".to_owned(), data }
+}
+
 impl Part {
     /// Begins a file that must not be there yet.
     pub fn create(
@@ -115,13 +122,7 @@ impl Part {
         let (mut channels, mut view_channels) = (Vec::new(), Vec::new());
         let mut begin = || -> Result<(), McapError> {
             writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata: info.to_metadata() })?;
-            writer.attach(&Attachment {
-                log_time: 0,
-                create_time: 0,
-                name: SYSTEM_ATTACHMENT.to_owned(),
-                media_type: "application/toml".to_owned(),
-                data: Cow::Borrowed(system.as_bytes()),
-            })?;
+            writer.attach(&toml(SYSTEM_ATTACHMENT.to_owned(), system))?;
             // Whoever reads a file without a message knows at least what it was to be.
             writer.flush()?;
             for recorded in RECORDED {
@@ -141,6 +142,21 @@ impl Part {
         begin().map_err(|error| plain(&error))?;
         (self.channels, self.views, self.told) = (channels, view_channels, told);
         self.in_chunk = told;
+        self.whole = self.length();
+        Ok(())
+    }
+
+    /// Writes a numbered system file.
+    pub fn write_system(&mut self, number: u64, text: &str) -> Result<(), RecordingError> {
+        let failed = |path: &Path, why: String| RecordingError::new(path, why);
+        if self.in_chunk > 0 {
+            self.end_chunk()?;
+        }
+        self.told += RECORD_HEADER + text.len() as u64;
+        self.make_room(self.told).map_err(|why| failed(&self.path, why))?;
+        let writer = self.writer.as_mut().ok_or_else(|| failed(&self.path, "is closed".to_owned()))?;
+        let written = writer.attach(&toml(system_file(number), text));
+        written.map_err(|error| failed(&self.path, plain(&error)))?;
         self.whole = self.length();
         Ok(())
     }

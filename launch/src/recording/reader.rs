@@ -6,6 +6,7 @@
 use super::info::{RunInfo, first_of, parts_there};
 use super::wires::{Entry, RECORDED, place_of};
 use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
+use crate::shell::worker::system_number;
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -86,6 +87,25 @@ impl Recording {
     /// The resolved system file of the robot, if the recording has it.
     pub fn system(&self) -> Option<&str> {
         self.system.as_deref()
+    }
+
+    /// The numbered system files its processes have read, by number; what a file lost with its end is missing.
+    pub fn numbered_systems(&self) -> Result<BTreeMap<u64, String>, RecordingError> {
+        let mut systems = BTreeMap::new();
+        for part in &self.parts {
+            let mut records = Records::open(part, true)?;
+            let mut keep = |opcode, data: &[u8]| {
+                let found = (opcode == op::ATTACHMENT).then(|| attachment(data)).flatten();
+                if let Some((name, text)) = found
+                    && let Some(number) = system_number(&name)
+                {
+                    systems.insert(number, text);
+                }
+                Ok(())
+            };
+            while records.next(&mut keep)?.is_some() {}
+        }
+        Ok(systems)
     }
 
     /// The first file that has no end: what came after its last whole chunk is lost.

@@ -10,9 +10,12 @@ use super::settings::Settings;
 use super::wires::{Heard, RECORDED};
 use super::writer::{self, Written};
 use super::{RecordingError, cdr};
+use crate::shell::worker::system_file;
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use hilare_interfaces::messages::{Journal, JournalKind};
+use std::collections::BTreeSet;
 use std::mem::take;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
@@ -37,6 +40,8 @@ pub(super) struct Batch {
     /// CDR, one after the other.
     pub(super) bytes: Vec<u8>,
     pub(super) items: Vec<Item>,
+    /// System files, by their numbers.
+    pub(super) systems: Vec<(u64, String)>,
 }
 
 /// One of them.
@@ -52,12 +57,14 @@ pub(super) struct Item {
 
 impl Batch {
     pub(super) fn size(&self) -> usize {
-        self.bytes.len() + self.items.len() * size_of::<Item>()
+        let systems: usize = self.systems.iter().map(|(_, text)| text.len()).sum();
+        self.bytes.len() + self.items.len() * size_of::<Item>() + systems
     }
 
     pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.items.clear();
+        self.systems.clear();
     }
 }
 
@@ -71,6 +78,8 @@ pub struct Tape {
     /// Time of tick 0, once a tick is known.
     epoch_ns: Option<u64>,
     batch: Batch,
+    /// Where the robot's numbered system files are, and which of them are kept already.
+    systems: Option<(PathBuf, BTreeSet<u64>)>,
     queue: Option<Sender<Batch>>,
     emptied: Receiver<Batch>,
     waiting: Arc<AtomicUsize>,
@@ -123,6 +132,7 @@ impl Tape {
             began_ns: now.as_nanos() as u64,
             epoch_ns: None,
             batch: Batch::default(),
+            systems: None,
             queue: Some(queue),
             emptied,
             waiting,
@@ -133,8 +143,16 @@ impl Tape {
         })
     }
 
+    /// Keeps each numbered system file of a robot's runtime directory that its journal names.
+    pub fn keep_systems_of(&mut self, runtime_dir: &Path) {
+        self.systems = Some((runtime_dir.to_owned(), BTreeSet::new()));
+    }
+
     /// Takes a message.
     pub fn hear(&mut self, heard: Heard<'_>) {
+        if let Heard::Journal(entry) = heard {
+            self.keep_system(entry);
+        }
         self.audit.hear(&heard);
         let place = heard.place();
         let tick = heard.tick();
@@ -154,6 +172,26 @@ impl Tape {
         if self.settings.patient && self.batch.bytes.len() >= FULL_BATCH {
             self.hand_over();
         }
+    }
+
+    /// Keeps the system file that an entry of the journal names.
+    fn keep_system(&mut self, entry: &Journal) {
+        let Some((dir, kept)) = &mut self.systems else { return };
+        let number = match JournalKind::from_code(entry.kind) {
+            Some(JournalKind::Began) => entry.words[2],
+            Some(JournalKind::Param) => entry.words[1],
+            _ => return,
+        };
+        if kept.contains(&number) {
+            return;
+        }
+        // Written whole before anybody is told its number.
+        let file = dir.join(system_file(number));
+        match std::fs::read_to_string(&file) {
+            Ok(text) => self.batch.systems.push((number, text)),
+            Err(error) => warn!("{}: {error}: a replay will not know this system", file.display()),
+        }
+        kept.insert(number);
     }
 
     /// Hands what was heard to the writer's thread.

@@ -31,6 +31,8 @@ pub(super) struct Writer {
     settings: Settings,
     info: RunInfo,
     system: String,
+    /// Numbered ones, which every further part has, too.
+    systems: Vec<(u64, String)>,
     // None once the disk has refused.
     part: Option<Part>,
     views: Views,
@@ -46,6 +48,7 @@ impl Writer {
             settings,
             info,
             system,
+            systems: Vec::new(),
             part: None,
             views,
             view_sequences: vec![0; ros::channels().len()],
@@ -64,7 +67,9 @@ impl Writer {
             self.info.part += 1;
         };
         let views = ros::channels();
-        self.part = Some(Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?);
+        let mut part = Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?;
+        self.systems.iter().try_for_each(|(number, text)| part.write_system(*number, text))?;
+        self.part = Some(part);
         self.info.part += 1;
         self.written.files.push(path);
         Ok(())
@@ -99,6 +104,13 @@ impl Writer {
     fn write(&mut self, batch: &mut Batch) {
         // Wires are read one after the other; in the file, messages of a tick stand together.
         batch.items.sort_by_key(|item| item.time_ns);
+        for (number, text) in batch.systems.drain(..) {
+            let written = self.part.as_mut().map_or(Ok(()), |part| part.write_system(number, &text));
+            self.systems.push((number, text));
+            if let Err(error) = written {
+                self.fail(&error);
+            }
+        }
         for index in 0..batch.items.len() {
             let item = batch.items[index];
             if self.is_full(item.time_ns) {

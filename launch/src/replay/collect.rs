@@ -4,6 +4,7 @@ use super::log::{Messages, RunLog, Title};
 use crate::config::System;
 use crate::recording::{Entry, Heard, Recording};
 use crate::shell::ClockKind;
+use crate::shell::worker::system_file;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -58,12 +59,9 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
         let origin = format!("{}: system.toml", path.display());
         systems.insert(1, System::parse(&origin, text).map_err(|error| error.to_string())?);
     }
-    for number in 1..1000 {
-        let file = path.join(crate::shell::worker::system_file(number));
-        if let Ok(text) = std::fs::read_to_string(&file) {
-            let system = System::parse(&file.to_string_lossy(), &text).map_err(|error| error.to_string())?;
-            systems.insert(number, system);
-        }
+    for (number, text) in recording.numbered_systems().map_err(|error| error.to_string())? {
+        let origin = format!("{}: {}", path.display(), system_file(number));
+        systems.insert(number, System::parse(&origin, &text).map_err(|error| error.to_string())?);
     }
     let clock: ClockKind = info.clock.parse().map_err(|why| format!("{}: {why}", path.display()))?;
     let name = [&*info.scenario, &*info.controller, &*info.clock]

@@ -185,7 +185,12 @@ impl RunLog {
             poses: Wire::new(messages.poses),
             truths: Wire::new(messages.truths),
             lives: Lives::of(&journal),
-            journal_end: journal.iter().map(|entry| entry.tick).filter(|tick| *tick <= end).max().unwrap_or(0),
+            journal_end: journal
+                .iter()
+                .map(|entry| entry.tick)
+                .filter(|tick| *tick <= end)
+                .max()
+                .unwrap_or(0),
             end,
         }
     }

@@ -64,7 +64,10 @@ fn record(worker: &Worker, order: Order) -> Result<Tape, String> {
     survive_the_file_size_limit()?;
     let patient = worker.assignment.clock != ClockKind::Real;
     let settings = Settings::of(&worker.system, order.path, patient);
-    Tape::begin(settings, order.info, worker.system.to_toml()).map_err(|error| error.to_string())
+    let mut tape =
+        Tape::begin(settings, order.info, worker.system.to_toml()).map_err(|error| error.to_string())?;
+    tape.keep_systems_of(&worker.assignment.runtime_dir);
+    Ok(tape)
 }
 
 /// A file that may not grow any more is an error to the one who writes it, no reason to be killed.
@@ -83,16 +86,6 @@ impl Reactive for RecorderProcess {
                 Heard::Truth(truth) => assembler.push_truth(*truth),
                 Heard::Reference(reference) => assembler.push_reference(*reference),
                 _ => {}
-            }
-            if let Heard::Journal(entry) = heard
-                && entry.kind == hilare_interfaces::messages::JournalKind::Began.code()
-                && let Some(order) = Order::found_in(&_worker.assignment.runtime_dir)
-            {
-                let name = super::worker::system_file(entry.words[2]);
-                let _ = std::fs::copy(
-                    _worker.assignment.runtime_dir.join(&name),
-                    order.path.with_file_name(&name),
-                );
             }
             if let Some(tape) = tape {
                 tape.hear(heard);

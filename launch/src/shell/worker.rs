@@ -36,6 +36,11 @@ pub fn system_file(number: u64) -> String {
     format!("system-{number}.toml")
 }
 
+/// The number of a system file of this name.
+pub fn system_number(name: &str) -> Option<u64> {
+    name.strip_prefix("system-")?.strip_suffix(".toml")?.parse().ok()
+}
+
 /// What launch tells a worker on its command line.
 #[derive(Clone, Debug)]
 pub struct Assignment {

@@ -92,13 +92,7 @@ pub fn begin(log: &RunLog, life: &Life) -> Result<(Controller, &'static LawSpec,
     Ok((controller, law, state_key(system, law)))
 }
 
-fn replay_life(
-    log: &RunLog,
-    life: &Life,
-    states: &mut States,
-    lost: &mut Lost,
-    measures: bool,
-) -> BoxReport {
+fn replay_life(log: &RunLog, life: &Life, states: &mut States, lost: &mut Lost, measures: bool) -> BoxReport {
     let writer = identity(life);
     let commands = log.commands.get(&writer).map_or(&[][..], Vec::as_slice);
     let mut report = BoxReport::new(Role::Controller);
