@@ -64,7 +64,7 @@ impl Writer {
             self.info.part += 1;
         };
         let views = ros::channels();
-        self.part = Some(Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?);
+        self.part = Some(Part::create(&path, &self.settings, &self.info, &self.system, &views)?);
         self.info.part += 1;
         self.written.files.push(path);
         Ok(())
