@@ -109,6 +109,9 @@ fn lockstep_ends_in_the_bits_of_one_thread() {
         for summary in [&mut alone, &mut together] {
             let object = summary.as_object_mut().expect("an object");
             assert!(object.remove("clock").is_some() && object.remove("lateness_us").is_some());
+            // Processes go on for some ticks after the arrival.
+            let recording = object.remove("recording").expect("a recording");
+            assert_eq!(recording["complete"], true, "{recording}");
         }
         assert_eq!(alone, together, "{}", line.scenario);
         assert_eq!(text(&alone, "state_hash").len(), 16);

@@ -107,7 +107,7 @@ fn summary_json_has_the_keys_of_the_design_in_their_order() {
     let wanted = "scenario controller clock reached ticks duration_s cross_track_mean_m cross_track_max_m \
                   speed_error_mean_mps speed_error_truth_mean_mps steps final_pose final_truth ticks_late paused_ticks \
                   paused_max_ticks commands_late commands_rejected cycles_without_command swaps restarts lateness_us \
-                  state_hash";
+                  state_hash recording";
     assert_eq!(keys, wanted.split_whitespace().collect::<Vec<_>>());
 }
 
@@ -122,7 +122,7 @@ fn a_report_holds_what_it_promises() {
         let plots =
             plots.filter(|entry| entry.path().extension().is_some_and(|extension| extension == "svg"));
         assert!(plots.count() >= 3, "path, speed and cross-track");
-        for file in ["summary.json", "system.toml", "path.csv", "trace.csv"] {
+        for file in ["summary.json", "system.toml", "path.csv", "trace.csv", "run.mcap"] {
             assert!(report.join(file).is_file(), "{file}");
         }
     }

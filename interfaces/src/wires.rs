@@ -212,7 +212,9 @@ pub const COMMAND: Wire = Wire {
     // The real clock is never woken by it; the lockstep clock waits for it.
     to: &[wakes(Role::StepGenerator), polls(Role::Relay)],
     rate: Rate::EveryPeriod,
-    buffer: 64,
+    // As long as a second, like the others: whoever looks may be kept from it by a busy machine. The step generator
+    // lets fewer wait.
+    buffer: 256,
     history: 0,
     doc: "body velocity with source, epoch, seq, pose tick and effective tick",
 };
@@ -226,7 +228,7 @@ pub const AUTHORITY: Wire = Wire {
     from: &[Role::Launch],
     to: &[polls(Role::StepGenerator), polls(Role::Relay)],
     rate: Rate::Hertz(50),
-    buffer: 8,
+    buffer: 64,
     history: 1,
     doc: "which source and epoch, armed / stop / e-stop; launch's lease",
 };

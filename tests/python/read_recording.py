@@ -170,7 +170,10 @@ def views(wires):
     assert {(m.pose.position.x, m.pose.position.y) for m in wires["/reference"]} == indices
     status = [array.status[0] for array in wires["/diagnostics"]]
     level = lambda value: value[0] if isinstance(value, bytes) else int(value)
-    assert all(level(s.level) == 0 and s.name == "step_generator" for s in status)
+    assert all(level(s.level) == 0 for s in status if s.name == "step_generator")
+    # Every process whose health was recorded, by its slot.
+    slots = {f"slot {m.slot}" for m in wires.get("/hilare/health", [])}
+    assert {s.name for s in status} == slots | {"step_generator"}
     return {"path_poses": len(told), "driving": sum(s.message == "driving" for s in status)}
 
 

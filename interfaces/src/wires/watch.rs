@@ -45,7 +45,7 @@ pub const REFERENCE: Wire = watch(
 );
 
 /// Commands of every controller: of up to four on one wire, so deeper than the wire itself.
-pub const COMMAND: Wire = Wire { buffer: 256, ..watch(&super::COMMAND, "watch/command", LOOKERS, 0) };
+pub const COMMAND: Wire = Wire { buffer: 512, ..watch(&super::COMMAND, "watch/command", LOOKERS, 0) };
 
 /// Who may drive; who comes late gets the last word. Deeper than the wire itself, which the relay finds full when it
 /// begins.

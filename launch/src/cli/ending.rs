@@ -69,7 +69,8 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
         rows: &end.rows,
         mishaps: &[],
     };
-    write_report(out, &summary, &plots, &end.trace_csv).map_err(|e| Failure::Fault(e.to_string()))?;
+    // A disk that is full is no reason to keep the verdict back.
+    let written = write_report(out, &summary, &plots, &end.trace_csv);
     if args.json {
         print(&summary.to_json());
     } else {
@@ -77,14 +78,14 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
         print(&verdict_text(&summary, &scenario.published, end.stopped_by.as_deref(), color));
         print(&format!("Report: {}\n", out.display()));
     }
-    if handover.gaps > 0 {
-        return Err(Failure::Fault(format!(
-            "{} ticks were lost to the recorder; the figures lack them",
-            handover.gaps
-        )));
-    }
-    if let Some(recording) = handover.recording.filter(|recording| !recording.complete) {
-        return Err(Failure::Fault(format!("the recording is not complete: {}", recording.why)));
+    let lost = (handover.gaps > 0)
+        .then(|| format!("{} ticks were lost to the recorder; the figures lack them", handover.gaps));
+    let recording = handover.recording.filter(|recording| !recording.complete);
+    let incomplete = recording.map(|recording| format!("the recording is not complete: {}", recording.why));
+    let unwritten = written.err().map(|error| error.to_string());
+    let faults: Vec<String> = [lost, incomplete, unwritten].into_iter().flatten().collect();
+    if !faults.is_empty() {
+        return Err(Failure::Fault(faults.join("; ")));
     }
     let arrived = summary.reached && !end.fault;
     Ok(if arrived { ExitCode::SUCCESS } else { ExitCode::from(1) })

@@ -119,7 +119,8 @@ fn order(file: &Path, system: &System) -> Result<Order, Failure> {
         return Err(refused(format!("--record {}: is there already; choose another name", file.display())));
     }
     let info = RunInfo::new(system, "latency", ClockKind::Real.name());
-    Order::new(file, info).map_err(|error| refused(format!("--record {}: {error}", file.display())))
+    let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Order::new(file, info, dir).map_err(|error| refused(format!("--record {}: {error}", file.display())))
 }
 
 fn progress(args: &LatencyArgs, log: &LogSink) -> ProgressBar {

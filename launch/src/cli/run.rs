@@ -157,7 +157,9 @@ fn order(out: &Path, args: &RunArgs, drive: &Drive<'_>) -> Result<Option<Order>,
         return Ok(None);
     }
     let info = RunInfo::new(&drive.scenario.system, &drive.scenario.name, args.clock.name());
-    Order::new(&file, info).map(Some).map_err(|error| refused(format!("{}: {error}", file.display())))
+    Order::new(&file, info, &out.join(SYSTEM_FILE))
+        .map(Some)
+        .map_err(|error| refused(format!("{}: {error}", file.display())))
 }
 
 /// A scenario with the path it comes to.

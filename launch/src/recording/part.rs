@@ -5,6 +5,7 @@
 //! is lost, and the file is ended as any other.
 
 use super::info::RunInfo;
+use super::settings::Settings;
 use super::wires::RECORDED;
 use super::{METADATA, RecordingError, SYSTEM_ATTACHMENT, schemas};
 use crate::shell::worker::system_file;
@@ -15,9 +16,9 @@ use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, Seek, SeekFrom, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -74,13 +75,16 @@ impl Part {
     /// Begins a file that must not be there yet.
     pub fn create(
         path: &Path,
-        chunk_bytes: u64,
+        settings: &Settings,
         info: &RunInfo,
         system: &str,
         views: &[View],
     ) -> Result<Self, RecordingError> {
         let failed = |error: &dyn std::fmt::Display| RecordingError::new(path, error);
         let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|e| failed(&e))?;
+        if let Some(mode) = settings.mode {
+            file.set_permissions(Permissions::from_mode(mode)).map_err(|e| failed(&e))?;
+        }
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .profile("ros2")
@@ -96,7 +100,7 @@ impl Part {
             writer: Some(writer),
             channels: Vec::new(),
             views: Vec::new(),
-            chunk_bytes,
+            chunk_bytes: settings.chunk_bytes,
             in_chunk: 0,
             chunk_since: None,
             chunks: 0,

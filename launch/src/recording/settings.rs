@@ -5,6 +5,7 @@ use crate::config::System;
 use hilare_interfaces::param_group;
 use serde::{Deserialize, Serialize};
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -41,6 +42,8 @@ pub struct Settings {
     pub count_rad: f64,
     /// Wait for the disk rather than give messages up: virtual time.
     pub patient: bool,
+    /// Who may read and write the files, if not as the umask says.
+    pub mode: Option<u32>,
 }
 
 impl Settings {
@@ -56,6 +59,7 @@ impl Settings {
             wheels: system.chassis.wheels(),
             count_rad: system.count_rad(),
             patient,
+            mode: None,
         }
     }
 }
@@ -67,16 +71,19 @@ pub struct Order {
     pub path: PathBuf,
     /// What it is a recording of.
     pub info: RunInfo,
+    /// Who may read and write it: as launch's umask says, which is not that of a worker.
+    pub mode: u32,
 }
 
 /// Where the recorder finds it, in the robot's runtime directory.
 const ORDER_FILE: &str = "recording.json";
 
 impl Order {
-    /// An order to record into `path`.
-    pub fn new(path: &Path, info: RunInfo) -> io::Result<Self> {
+    /// An order to record into `path`, for whoever may read `like`.
+    pub fn new(path: &Path, info: RunInfo, like: &Path) -> io::Result<Self> {
+        let mode = std::fs::metadata(like)?.mode() & 0o666;
         // Workers have another working directory.
-        Ok(Self { path: std::path::absolute(path)?, info })
+        Ok(Self { path: std::path::absolute(path)?, info, mode })
     }
 
     /// Leaves the order in a robot's runtime directory.

@@ -18,6 +18,7 @@ fn settings(path: PathBuf) -> Settings {
         wheels: 2,
         count_rad: 0.0065,
         patient: false,
+        mode: None,
     }
 }
 
@@ -131,7 +132,8 @@ fn a_directory_that_is_gone_when_a_new_part_begins_ends_the_recording() {
 fn a_part_that_is_left_is_readable_to_its_last_chunk() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("run.mcap");
-    let mut part = Part::create(&file, 20_000, &info(), "robot = \"a\"", &ros::channels()).unwrap();
+    let small = Settings { chunk_bytes: 20_000, ..settings(file.clone()) };
+    let mut part = Part::create(&file, &small, &info(), "robot = \"a\"", &ros::channels()).unwrap();
     let mut cdr = Vec::new();
     for tick in 0..500 {
         cdr.clear();

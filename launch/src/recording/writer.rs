@@ -67,7 +67,7 @@ impl Writer {
             self.info.part += 1;
         };
         let views = ros::channels();
-        let mut part = Part::create(&path, self.settings.chunk_bytes, &self.info, &self.system, &views)?;
+        let mut part = Part::create(&path, &self.settings, &self.info, &self.system, &views)?;
         self.systems.iter().try_for_each(|(number, text)| part.write_system(*number, text))?;
         self.part = Some(part);
         self.info.part += 1;

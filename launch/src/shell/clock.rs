@@ -31,12 +31,15 @@ const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 const LOCKSTEP_LEAD: u64 = 512;
 /// Control periods it may be. Between two looks of the relay at the commands it goes on by twice as many at most: when
 /// the recorder has what the relay found before it came to the commands.
-const LOCKSTEP_LEAD_PERIODS: u64 = wires::COMMAND.buffer as u64 * 3 / 8;
+const LOCKSTEP_LEAD_PERIODS: u64 = wires::COMMAND.buffer as u64 / 4;
 /// How long the lockstep clock sleeps when a reader is behind.
 const BACK_PRESSURE: Duration = Duration::from_micros(200);
 /// Commands taken in at most in one tick: all that may wait, so that a program that floods the wire keeps
 /// nobody else's command from being read.
-const COMMANDS_PER_TICK: usize = wires::COMMAND.buffer * max_publishers(&wires::COMMAND);
+const COMMANDS_PER_TICK: usize = COMMANDS_WAITING * max_publishers(&wires::COMMAND);
+/// Commands of a controller, and words of launch, that may wait: what is older is of no use here.
+const COMMANDS_WAITING: usize = 64;
+const AUTHORITIES_WAITING: usize = 8;
 /// Ticks after which authority is looked for unasked.
 const LOOKS: u32 = 10;
 /// Ticks in which a robot told to end its drive must stand still before the process leaves.
@@ -72,8 +75,8 @@ impl ClockProcess {
             key,
             renewals: Renewals::begin(worker, |_| Ok(()))?,
             period_ticks: worker.system.timing.period_ticks,
-            authority: worker.domain.input(&wires::AUTHORITY)?,
-            command: worker.domain.input(&wires::COMMAND)?,
+            authority: worker.domain.input_of(&wires::AUTHORITY, AUTHORITIES_WAITING)?,
+            command: worker.domain.input_of(&wires::COMMAND, COMMANDS_WAITING)?,
             steps: worker.domain.output(&wires::STEPS)?,
             tick: resumed.unwrap_or(0),
             resumed,

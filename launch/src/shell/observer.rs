@@ -63,7 +63,7 @@ impl RecorderProcess {
 fn record(worker: &Worker, order: Order) -> Result<Tape, String> {
     survive_the_file_size_limit()?;
     let patient = worker.assignment.clock != ClockKind::Real;
-    let settings = Settings::of(&worker.system, order.path, patient);
+    let settings = Settings { mode: Some(order.mode), ..Settings::of(&worker.system, order.path, patient) };
     let mut tape =
         Tape::begin(settings, order.info, worker.system.to_toml()).map_err(|error| error.to_string())?;
     tape.keep_systems_of(&worker.assignment.runtime_dir);

@@ -253,7 +253,8 @@ impl Domain {
         self.input_of(wire, 1)
     }
 
-    fn input_of<T: WireMessage + fmt::Debug>(
+    /// A reading end behind which fewer messages wait than the wire has room for.
+    pub fn input_of<T: WireMessage + fmt::Debug>(
         &self,
         wire: &Wire,
         buffer: usize,

@@ -2,11 +2,12 @@
 
 use super::messages::{Stamp, header};
 use crate::recording::cdr::Writer;
-use hilare_interfaces::messages::{Drive, Steps};
+use hilare_interfaces::messages::{Drive, Health, HealthState, Steps, field_text};
 
 const OK: u8 = 0;
 const WARN: u8 = 1;
 const ERROR: u8 = 2;
+const STALE: u8 = 3;
 /// For a code of another version.
 const UNKNOWN: &str = "?";
 
@@ -29,18 +30,47 @@ pub fn of_steps(cdr: &mut Vec<u8>, stamp: Stamp, steps: &Steps) {
         ("commands borrowed", steps.commands_borrowed),
         ("promotions", steps.promotions),
     ];
-    array(cdr, stamp, level, "step_generator", drive.map_or(UNKNOWN, Drive::label), &values);
+    array(cdr, stamp, level, ("step_generator", ""), drive.map_or(UNKNOWN, Drive::label), &values);
+}
+
+/// A process: its state and why, by its slot, which is the one thing it says of who it is.
+pub fn of_health(cdr: &mut Vec<u8>, stamp: Stamp, health: &Health) {
+    let state = HealthState::from_code(health.state);
+    let level = match state {
+        Some(HealthState::Ready | HealthState::Running) => OK,
+        Some(HealthState::Degraded) => WARN,
+        Some(HealthState::Fault) => ERROR,
+        Some(HealthState::Starting) | None => STALE,
+    };
+    let reason = field_text(&health.text);
+    let label = state.map_or(UNKNOWN, HealthState::label);
+    let message = if reason.is_empty() { label.to_owned() } else { format!("{label}: {reason}") };
+    let values = [
+        ("tick", health.tick),
+        ("steps", health.steps),
+        ("messages missing or refused", health.rejected),
+        ("path", health.path_id),
+    ];
+    let who = (&*format!("slot {}", health.slot), &*format!("pid {}", health.pid));
+    array(cdr, stamp, level, who, &message, &values);
 }
 
 /// One status.
-fn array(cdr: &mut Vec<u8>, stamp: Stamp, level: u8, name: &str, message: &str, values: &[(&str, u64)]) {
+fn array(
+    cdr: &mut Vec<u8>,
+    stamp: Stamp,
+    level: u8,
+    (name, hardware): (&str, &str),
+    message: &str,
+    values: &[(&str, u64)],
+) {
     let to = &mut Writer::new(cdr);
     header(to, stamp, "");
     to.u32(1);
     to.u8(level);
     to.string(name);
     to.string(message);
-    to.string("");
+    to.string(hardware);
     to.u32(values.len() as u32);
     for (key, value) in values {
         to.string(key);

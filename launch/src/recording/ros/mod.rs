@@ -13,7 +13,7 @@
 //! | `/joint_states` | sensor_msgs/JointState | the wheels: where they are told to be, and how fast |
 //! | `/reference` | geometry_msgs/PoseStamped | current waypoint, when it changes and once a second |
 //! | `/path` | nav_msgs/Path | the path, arcs in short pieces |
-//! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator, once a second |
+//! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator and every process, once a second; states when they change |
 
 mod definitions;
 mod diagnostics;
@@ -23,9 +23,10 @@ use super::part::View;
 use super::wires::Entry;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::geometry::WorldPose;
-use hilare_interfaces::messages::Reference;
+use hilare_interfaces::layout::WireMessage;
+use hilare_interfaces::messages::{Health, Reference};
 use messages::{Stamp, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Topic and type of each view.
 const VIEWS: [(&str, &str); 8] = [
@@ -71,6 +72,8 @@ pub struct Views {
     poses: VecDeque<(Tick, u64, WorldPose)>,
     /// Path and place of the waypoint told last, and when.
     told: Option<(u64, u64, Tick)>,
+    /// State of each process told last, and when.
+    fared: BTreeMap<u64, (u64, u64)>,
     cdr: Vec<u8>,
 }
 
@@ -84,6 +87,7 @@ impl Views {
             count_rad,
             twists: VecDeque::new(),
             poses: VecDeque::new(),
+            fared: BTreeMap::new(),
             told: None,
             cdr: Vec::new(),
         }
@@ -121,7 +125,13 @@ impl Views {
                 tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
             }
             Entry::Path(_, waypoints) => tell(PATH, &|cdr| path(cdr, stamp, waypoints)),
-            _ => {}
+            other => {
+                let health = Health::from_bytes(other.heard().bytes());
+                let health = health.filter(|_| other.wire().wire.message.name == Health::NAME);
+                if let Some(health) = health.filter(|health| self.fares_otherwise(health, time_ns)) {
+                    tell(DIAGNOSTICS, &|cdr| diagnostics::of_health(cdr, stamp, &health));
+                }
+            }
         }
         while let Some((time_ns, pose, twist)) = self.next_pair() {
             tell_at(time_ns, ODOM, &|cdr| odometry(cdr, Stamp::of(time_ns), pose, twist));
@@ -148,6 +158,21 @@ impl Views {
                 return Some((time_ns, pose, twist));
             }
         }
+    }
+
+    /// True if a process has another state than it was told to have, and once a second.
+    fn fares_otherwise(&mut self, health: &Health, time_ns: u64) -> bool {
+        if self.fared.len() >= MAX_WAITING && !self.fared.contains_key(&health.slot) {
+            return false;
+        }
+        let told = self.fared.get(&health.slot);
+        let known = told.is_some_and(|(state, since)| {
+            *state == health.state && time_ns.saturating_sub(*since) < 1_000_000_000
+        });
+        if !known {
+            self.fared.insert(health.slot, (health.state, time_ns));
+        }
+        !known
     }
 
     fn is_news(&mut self, reference: &Reference) -> bool {
