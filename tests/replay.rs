@@ -65,10 +65,14 @@ impl<'l> Drive<'l> {
 
     /// Waits for half a second of the drive.
     fn goes_on(&self, what: &str) {
-        let mut from = None;
+        let from = std::cell::Cell::new(None);
         self.lab.await_status(&self.robot, what, |status| {
             let tick = number(status, "tick");
-            tick > 0.0 && tick > *from.get_or_insert_with(|| tick) + 500.0
+            let from = from.get().unwrap_or_else(|| {
+                from.set(Some(tick));
+                tick
+            });
+            tick > 0.0 && tick > from + 500.0
         });
     }
 

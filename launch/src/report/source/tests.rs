@@ -31,6 +31,7 @@ fn driven(dir: &Path, changes: &[&str]) -> (RunRecord, Vec<Waypoint>) {
         patient: true,
         wheels: system.chassis.wheels(),
         count_rad: 0.0,
+        mode: None,
     };
     let info = RunInfo {
         scenario: scenario.name.clone(),
