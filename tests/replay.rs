@@ -68,11 +68,10 @@ impl<'l> Drive<'l> {
         let from = std::cell::Cell::new(None);
         self.lab.await_status(&self.robot, what, |status| {
             let tick = number(status, "tick");
-            let from = from.get().unwrap_or_else(|| {
+            if from.get().is_none() && tick > 0.0 {
                 from.set(Some(tick));
-                tick
-            });
-            tick > 0.0 && tick > from + 500.0
+            }
+            from.get().is_some_and(|from| tick > from + 500.0)
         });
     }
 
@@ -188,24 +187,28 @@ fn the_death_of_each_box_is_replayed() {
     for process in ["planner", "waypoint_selector", "controller", "pose_estimator", "controller"] {
         drive.kill(process);
     }
-    drive.kill("step_generator");
-    drive.tell(&["arm"]);
-    drive.goes_on("it is armed again");
     let dir = drive.end();
     replayed(&lab, &dir);
     driven_again(&lab, &dir);
 }
 
 #[test]
-fn the_death_of_the_simulated_robot_and_an_emergency_stop_are_replayed() {
+fn a_run_that_ends_with_a_death_or_an_emergency_stop_is_replayed_so_far() {
     let _machine = whole_machine();
-    let lab = Lab::new();
-    let drive = Drive::begin(&lab, &["--controller", "qp"]);
-    drive.kill("plant");
-    drive.tell(&["estop"]);
-    drive.goes_on("it stands");
-    let dir = drive.end();
-    replayed(&lab, &dir);
+    for end in ["step_generator", "plant", "launch", "estop"] {
+        let lab = Lab::new();
+        let drive = Drive::begin(&lab, &["--controller", "qp"]);
+        let status = drive.status();
+        match end {
+            "estop" => drive.tell(&["estop"]),
+            "launch" => signal(drive.run.pid(), Signal::KILL),
+            process => signal(pid_of(&status, process), Signal::KILL),
+        }
+        let ended = drive.run.wait(PATIENCE);
+        assert_ne!(ended.code, Some(0), "{end}");
+        wait_until("the recorder has left, too", || lab.processes().is_empty());
+        replayed(&lab, &drive.dir);
+    }
 }
 
 #[test]

@@ -128,7 +128,7 @@ enum Verb {
         Exit codes: 0 done, 1 stopped or nothing arrived, 2 wrong use or bad input."
     )]
     Tune(Box<tune::TuneArgs>),
-    /// Run a recording again and compare every bit; or with changes: what would have happened
+    /// Run a recording again: the same bits? With changes: what if
     #[command(
         after_help = "Examples:\n  hilare replay runs/rectangle-kanayama-real-1\n  hilare replay runs/so-qp-real-2 --box controller --box plant\n  \
         hilare replay runs/so-kanayama-real-1 --set tracking.speed_mps=0.03 --controller qp --out runs/what-if\n\

@@ -13,7 +13,7 @@ use hilare_controller::{Controller, ControllerInputs};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, PathHeader, Pose, PoseFix, Reference, Steps, Wheels};
 use hilare_interfaces::wires::Role;
-use hilare_plant::{Observed, Plant};
+use hilare_plant::Plant;
 use hilare_pose_estimator::EstimatorInputs;
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use std::collections::{BTreeMap, VecDeque};
@@ -215,42 +215,8 @@ impl<'l> Driving<'l> {
     }
 }
 
-/// The simulated robot.
-pub struct Simulating<'l> {
-    line: Line<'l>,
-    at_work: Option<Plant>,
-    /// Steps a successor may begin with, the oldest first.
-    told: VecDeque<Steps>,
-}
-
-/// Steps kept for a successor of the plant.
-const TOLD: usize = 1_024;
-
-impl<'l> Simulating<'l> {
-    /// None at work yet.
-    pub fn new(log: &'l RunLog) -> Self {
-        Self { line: Line::of(log, Role::Plant), at_work: None, told: VecDeque::with_capacity(TOLD) }
-    }
-
-    /// What is seen of the robot after a tick. A successor begins with the steps it found in the recording.
-    pub fn step(&mut self, log: &RunLog, steps: &Steps) -> Result<Observed, String> {
-        let mut observed = None;
-        // What its predecessor has told is not told again, though it is made again.
-        let told_twice = log.truths.at(steps.tick).len() > 1;
-        if let Some(life) = (!told_twice).then(|| self.line.next(steps.tick)).flatten() {
-            let mut plant = build::plant(log.system(life)?)?;
-            for earlier in self.told.iter().filter(|steps| steps.tick >= life.tick) {
-                observed = Some(plant.step(earlier.tick, earlier));
-            }
-            self.at_work = Some(plant);
-        }
-        if let Some(plant) = &mut self.at_work {
-            observed = Some(plant.step(steps.tick, steps));
-        }
-        if self.told.len() == TOLD {
-            self.told.pop_front();
-        }
-        self.told.push_back(*steps);
-        observed.ok_or_else(|| "the recording does not have the beginning of the plant".to_owned())
-    }
+/// The simulated robot, as its process begins.
+pub fn simulated(log: &RunLog) -> Result<Plant, String> {
+    let life = log.lives.of_role(Role::Plant).into_iter().next();
+    build::plant(log.system(life.ok_or("the recording does not have the beginning of the plant")?)?)
 }
