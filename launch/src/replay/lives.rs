@@ -4,7 +4,19 @@ use hilare_controller::{LAWS, LawSpec};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::messages::{Journal, JournalKind};
 use hilare_interfaces::wires::Role;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+/// Changes of a process's parameters that are still to come: the tick from which each acts, and its system file.
+#[derive(Clone, Debug, Default)]
+pub struct Changes(VecDeque<(Tick, u64)>);
+
+impl Changes {
+    /// The number of the next system file that acts at `tick` or before; each once.
+    pub fn due(&mut self, tick: Tick) -> Option<u64> {
+        self.0.front().filter(|(from, _)| *from <= tick)?;
+        self.0.pop_front().map(|(_, number)| number)
+    }
+}
 
 /// A process, from the entry that says it is at work to that of its successor in the same place.
 #[derive(Clone)]
@@ -98,6 +110,12 @@ impl Lives {
 }
 
 impl Life {
+    /// Its changes of parameters.
+    pub fn changes(&self) -> Changes {
+        let changes = self.entries.iter().filter(|entry| entry.kind == JournalKind::Param.code());
+        Changes(changes.map(|entry| (entry.tick, entry.words[1])).collect())
+    }
+
     fn began(entry: &Journal, role: Role) -> Self {
         let [incarnation, epoch, system, law, saved, whose] = entry.words;
         let law = law.checked_sub(1).and_then(|place| LAWS.get(place as usize));

@@ -197,9 +197,13 @@ impl RunLog {
 
     /// The system file a process has read.
     pub fn system(&self, life: &Life) -> Result<&System, String> {
-        self.systems
-            .get(&life.system)
-            .ok_or_else(|| format!("its system file (number {}) is not in the recording", life.system))
+        self.numbered(life.system)
+    }
+
+    /// The system file of a number.
+    pub fn numbered(&self, number: u64) -> Result<&System, String> {
+        let missing = || format!("its system file (number {number}) is not in the recording");
+        self.systems.get(&number).ok_or_else(missing)
     }
 
     /// The first system file.

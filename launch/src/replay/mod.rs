@@ -14,7 +14,8 @@
 //! * [`in_process`]: what the journal of a run in one thread would say.
 //!
 //! A box with changed parameters, or a changed law, is replayed alike: what comes out is what it would have answered to
-//! the same inputs. A box whose parameters change at a tick is [`states::rebuilt`] there, its state kept.
+//! the same inputs. A box whose parameters change at a tick ([`lives::Changes`]) goes on there as in its
+//! process, with what it knew.
 
 pub mod boxes;
 pub mod closed;

@@ -59,13 +59,9 @@ impl States {
     }
 }
 
-/// A box with another set-up, at a tick, that knows what the one before knew: what a change of parameters comes to.
-pub fn rebuilt<B: Stateful>(before: &mut B, mut with_other_parameters: B) -> Result<B, String> {
+/// Another box of the same set-up that knows what this one knows.
+pub fn copied<B: Stateful>(of: &mut B, mut into: B) -> Result<B, String> {
     let mut room = vec![0; STATE_WORDS];
-    let len = before.save_state(&mut room).ok_or("its state cannot be saved")?;
-    if with_other_parameters.load_state(&room[..len]) {
-        Ok(with_other_parameters)
-    } else {
-        Err("with the other parameters it cannot go on from its state".to_owned())
-    }
+    let len = of.save_state(&mut room).ok_or("its state cannot be saved")?;
+    if into.load_state(&room[..len]) { Ok(into) } else { Err("its state cannot be loaded".to_owned()) }
 }

@@ -240,7 +240,7 @@ fn with_changes_it_drives_on_until_it_arrives() {
 fn with_a_successor(system: &System) -> Messages {
     let mut messages = Messages::default();
     let role = Role::StepGenerator.code();
-    let mut note = |journal: &mut Vec<Journal>, tick, kind: JournalKind, words: &[u64]| {
+    let note = |journal: &mut Vec<Journal>, tick, kind: JournalKind, words: &[u64]| {
         let mut entry =
             Journal { slot: 5, role, seq: journal.len() as u64, tick, kind: kind.code(), ..Journal::ZERO };
         entry.words[..words.len()].copy_from_slice(words);

@@ -1,16 +1,18 @@
 //! Every controller process, in charge, standing by or on trial, with the reference and the pose of each of its commands.
 
 use super::BoxReport;
+use crate::config::System;
 use crate::replay::fields::{Difference, same};
 use crate::replay::ledger::Ledger;
-use crate::replay::lives::Life;
+use crate::replay::lives::{Changes, Life};
 use crate::replay::log::RunLog;
-use crate::replay::states::{States, rebuilt};
+use crate::replay::states::{States, copied};
 use crate::shell::boxes::controller::state_key;
 use crate::shell::build;
-use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
+use hilare_controller::{Controller, ControllerInputs, Identity};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, JournalKind, Reference};
+use hilare_interfaces::state::STATE_WORDS;
 use hilare_interfaces::wires::Role;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -83,13 +85,44 @@ fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> Box
     report
 }
 
-/// A controller of a process, at its beginning.
-pub fn begin(log: &RunLog, life: &Life) -> Result<(Controller, &'static LawSpec, u64), String> {
-    let system = log.system(life)?;
+/// A controller of a process with the parameters of a system, and the key of its state.
+pub fn built(system: &System, life: &Life) -> Result<(Controller, u64), String> {
     let law = life.law.ok_or("it has a law that this hilare does not know")?;
     let (source, epoch) = identity(life);
     let controller = build::controller(system, law, Identity { source, epoch })?;
-    Ok((controller, law, state_key(system, law)))
+    Ok((controller, state_key(system, law)))
+}
+
+/// A controller process under way.
+pub struct AtWork<'l> {
+    log: &'l RunLog,
+    life: &'l Life,
+    system: &'l System,
+    changes: Changes,
+    /// The box.
+    pub controller: Controller,
+    /// Key of its state.
+    pub key: u64,
+}
+
+impl<'l> AtWork<'l> {
+    /// As its process begins, without a state.
+    pub fn begin(log: &'l RunLog, life: &'l Life) -> Result<Self, String> {
+        let system = log.system(life)?;
+        let (controller, key) = built(system, life)?;
+        Ok(Self { log, life, system, changes: life.changes(), controller, key })
+    }
+
+    /// Goes on with the parameters that are in force for its answer to `tick`.
+    pub fn change(&mut self, tick: Tick) -> Result<(), String> {
+        while let Some(number) = self.changes.due(tick) {
+            self.system = self.log.numbered(number)?;
+            let (mut controller, key) = built(self.system, self.life)?;
+            controller.take_over(&mut self.controller, &mut [0; STATE_WORDS]);
+            (self.controller, self.key) = (controller, key);
+        }
+        Ok(())
+    }
 }
 
 fn replay_life(log: &RunLog, life: &Life, states: &mut States, lost: &mut Lost, measures: bool) -> BoxReport {
@@ -113,9 +146,9 @@ fn replay_commands(
     states: &mut States,
     (ledger, lost): (&mut Ledger<'_, Command>, &mut Lost),
 ) -> Result<(), String> {
-    let (mut controller, _, key) = begin(log, life)?;
+    let mut at_work = AtWork::begin(log, life)?;
     if let Some(from) = life.state {
-        states.load(from, key, &mut controller)?;
+        states.load(from, at_work.key, &mut at_work.controller)?;
     }
     let mut last = life.done();
     let mut number = 0;
@@ -135,15 +168,15 @@ fn replay_commands(
         let missing = recorded.seq.wrapping_sub(number).wrapping_sub(1);
         if missing > 0 && missing == between.len() as u64 {
             for tick in between {
-                let command = answer(log, life, &mut controller, tick, None)?;
+                let command = answer(&mut at_work, tick, None)?;
                 ledger.make(0..0, &command);
                 lost.insert((command.source, command.epoch, command.seq), command);
-                states.keep(life.slot, tick, key, &mut controller);
+                states.keep(life.slot, tick, at_work.key, &mut at_work.controller);
             }
         }
-        let command = answer(log, life, &mut controller, tick, Some(recorded))?;
+        let command = answer(&mut at_work, tick, Some(recorded))?;
         ledger.make(place..place + 1, &command);
-        states.keep(life.slot, tick, key, &mut controller);
+        states.keep(life.slot, tick, at_work.key, &mut at_work.controller);
         (last, number) = (Some(tick), command.seq);
     }
     Ok(())
@@ -165,21 +198,16 @@ fn answered(log: &RunLog, recorded: &Command, last: Option<Tick>, number: u64) -
 
 /// Answers a tick. Where a successor of the waypoint selector has said something else of it than its predecessor, the
 /// controller has had one of both: that which leads to the recorded command.
-fn answer(
-    log: &RunLog,
-    life: &Life,
-    controller: &mut Controller,
-    tick: Tick,
-    recorded: Option<&Command>,
-) -> Result<Command, String> {
+fn answer(at_work: &mut AtWork<'_>, tick: Tick, recorded: Option<&Command>) -> Result<Command, String> {
+    at_work.change(tick)?;
+    let AtWork { log, life, system, controller, .. } = at_work;
     let missing = |wire: &str| format!("the {wire} of tick {tick} is missing in the recording");
     let pose = log.poses.first(tick).ok_or_else(|| missing("pose"))?;
     let references = variants(log.references.at(tick));
     let mut reference = *references.first().ok_or_else(|| missing("reference"))?;
     if let (Some(recorded), 2..) = (recorded, references.len()) {
         for other in references {
-            let (mut trial, ..) = begin(log, life)?;
-            trial = rebuilt(controller, trial)?;
+            let mut trial = copied(controller, built(system, life)?.0)?;
             let command = trial.step(tick, ControllerInputs { reference: other, pose });
             // Numbers are the process's own.
             if same(&Command { seq: recorded.seq, ..command }, recorded) {

@@ -66,7 +66,13 @@ fn replay_life(log: &RunLog, life: &Life, judged: &mut Judged<'_>) -> Result<(),
     let mut navigator = build::navigator(system)?;
     let own_path = log.path(1, None).filter(|(header, _)| header.goal_id == 0 && life.incarnation == 1);
     let mut path_id = own_path.map_or((life.incarnation - 1) << 32, |(header, _)| header.path_id);
-    for entry in life.entries.iter().filter(|entry| entry.kind == JournalKind::Goal.code()) {
+    for entry in &life.entries {
+        if entry.kind == JournalKind::Param.code() {
+            navigator = build::navigator(log.numbered(entry.words[1])?)?;
+        }
+        if entry.kind != JournalKind::Goal.code() {
+            continue;
+        }
         let [goal_id, _, _, cut_short, ..] = entry.words;
         let recorded = judged.next_answer(goal_id);
         if cut_short != 0 {

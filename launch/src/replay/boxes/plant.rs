@@ -2,6 +2,7 @@
 
 use super::BoxReport;
 use crate::replay::ledger::Ledger;
+use crate::replay::lives::Changes;
 use crate::replay::log::RunLog;
 use crate::replay::walk::{Walker, rising, walk};
 use crate::shell::build;
@@ -22,7 +23,8 @@ pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
         let mut replay_life = || -> Result<(), String> {
             let system = log.system(life)?;
             let sensors = system.reads_sensors();
-            let mut walker = Simulating { log, plant: build::plant(system)?, seen: Vec::new() };
+            let (plant, changes) = (build::plant(system)?, life.changes());
+            let mut walker = Simulating { log, plant, changes, seen: Vec::new() };
             let before = life.tick.checked_sub(1);
             let ticks = rising([log.truths.ticks(before, to), log.wheels.ticks(before, to)].concat());
             walk(&mut walker, life.tick, 1, &ticks, &log.truths, |truth, walker| {
@@ -58,10 +60,21 @@ pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
     report
 }
 
+/// Lets a robot go on with the parameters that are in force for its step to `tick`.
+pub fn change(plant: &mut Plant, log: &RunLog, changes: &mut Changes, tick: Tick) -> Result<(), String> {
+    while let Some(number) = changes.due(tick.saturating_sub(1)) {
+        let mut other = build::plant(log.numbered(number)?)?;
+        other.take_over(plant);
+        *plant = other;
+    }
+    Ok(())
+}
+
 #[derive(Clone)]
 struct Simulating<'l> {
     log: &'l RunLog,
     plant: Plant,
+    changes: Changes,
     seen: Vec<Observed>,
 }
 
@@ -71,6 +84,7 @@ impl Walker for Simulating<'_> {
     fn step(&mut self, tick: Tick) -> Result<Truth, String> {
         let missing = || format!("the steps of tick {tick} are missing in the recording");
         let steps = self.log.steps.first(tick).ok_or_else(missing)?;
+        change(&mut self.plant, self.log, &mut self.changes, tick)?;
         let observed = self.plant.step(tick, steps);
         self.seen.push(observed);
         Ok(observed.truth)

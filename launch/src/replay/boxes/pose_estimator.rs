@@ -2,11 +2,12 @@
 
 use super::BoxReport;
 use crate::replay::ledger::Ledger;
-use crate::replay::lives::{Life, last_tick};
+use crate::replay::lives::{Changes, Life, last_tick};
 use crate::replay::log::RunLog;
 use crate::replay::states::States;
 use crate::replay::walk::{Walker, rising, walk};
 use crate::shell::boxes::Reckoner;
+use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::messages::Pose;
@@ -45,6 +46,7 @@ fn replay_life(
         reckoner: Reckoner::new(system),
         encoders: system.motors.has_encoders(),
         sensors: system.reads_sensors(),
+        changes: life.changes(),
         done: life.done(),
     };
     if let Some(from) = life.state {
@@ -63,6 +65,21 @@ fn replay_life(
     Ok(())
 }
 
+/// Lets an estimator go on with the parameters that are in force for its step to `tick`.
+pub fn change(
+    reckoner: &mut Reckoner,
+    log: &RunLog,
+    changes: &mut Changes,
+    tick: Tick,
+) -> Result<(), String> {
+    while let Some(number) = changes.due(tick.saturating_sub(1)) {
+        let mut estimator = build::pose_estimator(log.numbered(number)?);
+        estimator.take_over(&mut reckoner.estimator);
+        reckoner.estimator = estimator;
+    }
+    Ok(())
+}
+
 /// The box, and the tick it has answered last.
 #[derive(Clone)]
 struct Estimating<'l> {
@@ -70,6 +87,7 @@ struct Estimating<'l> {
     reckoner: Reckoner,
     encoders: bool,
     sensors: bool,
+    changes: Changes,
     done: Option<Tick>,
 }
 
@@ -79,6 +97,7 @@ impl Walker for Estimating<'_> {
     fn step(&mut self, tick: Tick) -> Result<Pose, String> {
         let missing = |wire: &str| format!("the {wire} of tick {tick} are missing in the recording");
         let steps = self.log.steps.first(tick).ok_or_else(|| missing("steps"))?;
+        change(&mut self.reckoner, self.log, &mut self.changes, tick)?;
         let pose = if self.sensors {
             let wheels = self.log.wheels.first(tick).ok_or_else(|| missing("wheels"))?;
             let counts = if self.encoders { &wheels.counts } else { &steps.counts };

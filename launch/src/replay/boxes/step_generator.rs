@@ -48,6 +48,8 @@ pub enum Taken {
     Command(Command),
     /// It lost as many ticks before the next.
     Pause(u64),
+    /// The system file of this number is in force.
+    System(u64),
     /// Nothing that concerns the step.
     Nothing,
 }
@@ -98,6 +100,7 @@ pub fn taken(log: &RunLog, lost: &Lost, entry: &Journal) -> (Result<Taken, Strin
             }
         }
         Some(JournalKind::Pause) => (Ok(Taken::Pause(a)), None),
+        Some(JournalKind::Param) => (Ok(Taken::System(b)), None),
         _ => (Ok(Taken::Nothing), None),
     }
 }
@@ -160,6 +163,13 @@ fn replay_life(
                 generator.take_in(tick, StepInputs { commands, ..StepInputs::default() });
             }
             Ok(Taken::Pause(ticks)) => paused += ticks,
+            Ok(Taken::System(number)) => match log.numbered(number) {
+                Ok(system) => generator.set_limits(system.limits),
+                Err(why) => {
+                    fault = Some(why);
+                    break;
+                }
+            },
             Ok(Taken::Nothing) => {}
             Err(why) => {
                 fault = Some(why);

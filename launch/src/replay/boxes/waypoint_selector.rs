@@ -2,7 +2,7 @@
 
 use super::BoxReport;
 use crate::replay::ledger::Ledger;
-use crate::replay::lives::{Life, last_tick};
+use crate::replay::lives::{Changes, Life, last_tick};
 use crate::replay::log::RunLog;
 use crate::replay::states::States;
 use crate::replay::walk::{Walker, rising, walk};
@@ -53,7 +53,8 @@ fn replay_life(
     let system = log.system(life)?;
     let period = system.timing.period_ticks;
     let key = key_of(Role::WaypointSelector);
-    let mut walker = Selecting { log, selector: build::waypoint_selector(system), paths: paths_taken(life) };
+    let (selector, paths, changes) = (build::waypoint_selector(system), paths_taken(life), life.changes());
+    let mut walker = Selecting { log, selector, paths, changes };
     if let Some(from) = life.state {
         states.load(from, key, &mut walker.selector)?;
         for reference in walker.take_up()? {
@@ -81,11 +82,26 @@ fn replay_life(
     }
 }
 
+/// Lets a selector go on with the parameters that are in force for its answer to the pose of `tick`.
+pub fn change(
+    selector: &mut WaypointSelector,
+    log: &RunLog,
+    changes: &mut Changes,
+    tick: Tick,
+) -> Result<(), String> {
+    while let Some(number) = changes.due(tick) {
+        let system = log.numbered(number)?;
+        selector.set_tracking(system.tracking, system.acceptance());
+    }
+    Ok(())
+}
+
 #[derive(Clone)]
 struct Selecting<'l> {
     log: &'l RunLog,
     selector: WaypointSelector,
     paths: BTreeMap<Tick, (u64, u64)>,
+    changes: Changes,
 }
 
 impl Selecting<'_> {
@@ -106,6 +122,7 @@ impl Walker for Selecting<'_> {
     fn step(&mut self, tick: Tick) -> Result<Reference, String> {
         let missing = || format!("the pose of tick {tick} is missing in the recording");
         let pose = self.log.poses.first(tick).ok_or_else(missing)?;
+        change(&mut self.selector, self.log, &mut self.changes, tick)?;
         let path = match self.paths.get(&tick) {
             Some((path_id, waypoints)) => {
                 let (header, waypoints) = self.log.path(*path_id, Some(*waypoints)).ok_or_else(|| {

@@ -1,19 +1,20 @@
 //! The boxes of a drive, each replaced by its successor where the recording has one.
 
 use super::outside::{Answer, Outside};
-use crate::replay::boxes::controller::{begin, identity};
-use crate::replay::boxes::waypoint_selector::paths_taken;
-use crate::replay::lives::Life;
+use crate::replay::boxes::controller::{AtWork, identity};
+use crate::replay::boxes::waypoint_selector::{self, paths_taken};
+use crate::replay::boxes::{plant, pose_estimator};
+use crate::replay::lives::{Changes, Life};
 use crate::replay::log::{RunLog, WithWaypoints};
 use crate::replay::states::States;
 use crate::shell::boxes::Reckoner;
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
-use hilare_controller::{Controller, ControllerInputs};
+use hilare_controller::ControllerInputs;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, PathHeader, Pose, PoseFix, Reference, Steps, Wheels};
 use hilare_interfaces::wires::Role;
-use hilare_plant::Plant;
+use hilare_plant::{Observed, Plant};
 use hilare_pose_estimator::EstimatorInputs;
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use std::collections::{BTreeMap, VecDeque};
@@ -43,7 +44,7 @@ impl<'l> Line<'l> {
 /// The pose estimator.
 pub struct Estimating<'l> {
     line: Line<'l>,
-    at_work: Option<(&'l Life, Reckoner, bool, bool)>,
+    at_work: Option<(&'l Life, Reckoner, Changes, bool, bool)>,
     fixes: Vec<PoseFix>,
 }
 
@@ -74,9 +75,10 @@ impl<'l> Estimating<'l> {
                 states.load(from, estimator_key(log, life)?, &mut reckoner)?;
             }
             let encoders = system.motors.has_encoders();
-            self.at_work = Some((life, reckoner, encoders, system.reads_sensors()));
+            self.at_work = Some((life, reckoner, life.changes(), encoders, system.reads_sensors()));
         }
-        let Some((life, reckoner, encoders, sensors)) = &mut self.at_work else { return Ok(None) };
+        let Some((life, reckoner, changes, encoders, sensors)) = &mut self.at_work else { return Ok(None) };
+        pose_estimator::change(reckoner, log, changes, tick)?;
         let counts = if *encoders { &wheels.counts } else { &steps.counts };
         let due = self.fixes.iter().take_while(|fix| fix.tick <= tick && *sensors).count();
         let pose = reckoner.step(tick, EstimatorInputs { counts, fixes: &self.fixes[..due] });
@@ -94,7 +96,7 @@ fn estimator_key(log: &RunLog, life: &Life) -> Result<u64, String> {
 /// The waypoint selector.
 pub struct Selecting<'l> {
     line: Line<'l>,
-    at_work: Option<(&'l Life, WaypointSelector)>,
+    at_work: Option<(&'l Life, WaypointSelector, Changes)>,
     /// Paths to be taken, by tick.
     paths: VecDeque<(Tick, u64)>,
 }
@@ -126,9 +128,10 @@ impl<'l> Selecting<'l> {
                     selector.take_up(NewPath { header, waypoints }).for_each(drop);
                 }
             }
-            self.at_work = Some((life, selector));
+            self.at_work = Some((life, selector, life.changes()));
         }
-        let Some((life, selector)) = &mut self.at_work else { return Ok(None) };
+        let Some((life, selector, changes)) = &mut self.at_work else { return Ok(None) };
+        waypoint_selector::change(selector, log, changes, tick)?;
         let mut path_id = None;
         while let Some((_, taken)) = self.paths.front().filter(|(from, _)| *from <= tick) {
             path_id = Some(*taken);
@@ -149,7 +152,7 @@ fn taken(life: &Life) -> impl Iterator<Item = (Tick, u64)> {
 /// A controller process.
 pub struct Driving<'l> {
     life: &'l Life,
-    at_work: Option<(Controller, u64)>,
+    at_work: Option<AtWork<'l>>,
     /// First and last tick it answered in the recording.
     answered: Option<(Tick, Tick)>,
     /// It was still at work when the recording ended.
@@ -187,7 +190,7 @@ impl<'l> Driving<'l> {
     /// The command for a reference and its pose, if it is at work; and which answer that is.
     pub fn step(
         &mut self,
-        log: &RunLog,
+        log: &'l RunLog,
         states: &mut States,
         outside: &Outside,
         as_recorded: bool,
@@ -199,24 +202,40 @@ impl<'l> Driving<'l> {
             return Ok(None);
         }
         if self.at_work.is_none() {
-            let (mut controller, _, key) = begin(log, self.life)?;
+            let mut at_work = AtWork::begin(log, self.life)?;
             if let Some(from) = self.life.state
-                && states.load(from, key, &mut controller).is_err()
+                && states.load(from, at_work.key, &mut at_work.controller).is_err()
             {
                 // Of another law, or changed: it begins anew.
-                controller = begin(log, self.life)?.0;
+                at_work = AtWork::begin(log, self.life)?;
             }
-            self.at_work = Some((controller, key));
+            self.at_work = Some(at_work);
         }
-        let Some((controller, key)) = &mut self.at_work else { return Ok(None) };
-        let command = controller.step(tick, ControllerInputs { reference, pose });
-        states.keep(self.life.slot, tick, *key, controller);
+        let Some(at_work) = &mut self.at_work else { return Ok(None) };
+        at_work.change(tick)?;
+        let command = at_work.controller.step(tick, ControllerInputs { reference, pose });
+        states.keep(self.life.slot, tick, at_work.key, &mut at_work.controller);
         Ok(Some(((command.source, command.epoch, tick), command)))
     }
 }
 
-/// The simulated robot, as its process begins.
-pub fn simulated(log: &RunLog) -> Result<Plant, String> {
-    let life = log.lives.of_role(Role::Plant).into_iter().next();
-    build::plant(log.system(life.ok_or("the recording does not have the beginning of the plant")?)?)
+/// The simulated robot.
+pub struct Simulated {
+    plant: Plant,
+    changes: Changes,
+}
+
+impl Simulated {
+    /// As its process begins.
+    pub fn begin(log: &RunLog) -> Result<Self, String> {
+        let life = log.lives.of_role(Role::Plant).into_iter().next();
+        let life = life.ok_or("the recording does not have the beginning of the plant")?;
+        Ok(Self { plant: build::plant(log.system(life)?)?, changes: life.changes() })
+    }
+
+    /// What it shows after the steps.
+    pub fn step(&mut self, log: &RunLog, steps: &Steps) -> Result<Observed, String> {
+        plant::change(&mut self.plant, log, &mut self.changes, steps.tick)?;
+        Ok(self.plant.step(steps.tick, steps))
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::boxes::Paths;
 use crate::replay::boxes::planner::{Goals, plan};
-use crate::replay::lives::Life;
+use crate::replay::lives::{Changes, Life};
 use crate::replay::log::RunLog;
 use crate::shell::build;
 use hilare_interfaces::block::Tick;
@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 pub struct Planning<'l> {
     waiting: VecDeque<(&'l Life, &'l Journal)>,
     goals: Goals<'l>,
-    at_work: Option<(&'l Life, Navigator)>,
+    at_work: Option<(&'l Life, Navigator, Changes)>,
     /// What became of them, where it is not a path.
     pub notes: Vec<String>,
 }
@@ -49,10 +49,13 @@ impl<'l> Planning<'l> {
                     .push(format!("goal {goal_id} is missing in the recording: its path is taken as it was"));
                 continue;
             };
-            if self.at_work.as_ref().is_none_or(|(known, _)| !std::ptr::eq(*known, life)) {
-                self.at_work = Some((life, build::navigator(log.system(life)?)?));
+            if self.at_work.as_ref().is_none_or(|(known, ..)| !std::ptr::eq(*known, life)) {
+                self.at_work = Some((life, build::navigator(log.system(life)?)?, life.changes()));
             }
-            let Some((_, navigator)) = &mut self.at_work else { continue };
+            let Some((_, navigator, changes)) = &mut self.at_work else { continue };
+            while let Some(number) = changes.due(entry.tick) {
+                *navigator = build::navigator(log.numbered(number)?)?;
+            }
             let start = log.system(life)?.start.position();
             let robot = if entry.tick == 0 { start } else { robot.unwrap_or(start) };
             let found = plan(navigator, header, waypoints, robot);

@@ -21,13 +21,13 @@ use super::states::States;
 use crate::replay::boxes::controller::Lost;
 use crate::replay::boxes::step_generator::begin;
 use crate::shell::checkpoint::key_of;
-use boxes::{Driving, Estimating, Paths, Selecting, simulated};
+use boxes::{Driving, Estimating, Paths, Selecting, Simulated};
 use goals::Planning;
 use hilare_interfaces::block::{Block, TICKS_PER_SECOND, Tick};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Authority, Command, Mode, Pose, Reference, ReferenceState, Steps, Truth};
 use hilare_interfaces::wires::Role;
-use hilare_plant::{Observed, Plant};
+use hilare_plant::Observed;
 use hilare_recorder::{RunRecord, TickRecord};
 use hilare_step_generator::{StepGenerator, StepInputs};
 use outside::{Answer, Event, Outside};
@@ -114,7 +114,7 @@ struct Drive<'l> {
     selecting: Selecting<'l>,
     controllers: Vec<Driving<'l>>,
     generator: Option<(StepGenerator, u64)>,
-    plant: Plant,
+    plant: Simulated,
     estimating: Estimating<'l>,
     paths: Paths,
     /// Commands on their way.
@@ -146,7 +146,7 @@ impl<'l> Drive<'l> {
             selecting: Selecting::new(log),
             controllers,
             generator: None,
-            plant: simulated(log)?,
+            plant: Simulated::begin(log)?,
             estimating: Estimating::new(log),
             paths,
             commands: BTreeMap::new(),
@@ -213,7 +213,7 @@ impl<'l> Drive<'l> {
     fn look(&mut self, steps: &Steps) -> Result<(), String> {
         let log = self.log;
         self.compare("steps", &log.steps, steps);
-        let observed = self.plant.step(steps.tick, steps);
+        let observed = self.plant.step(self.log, steps)?;
         self.compare::<Truth>("truth", &log.truths, &observed.truth);
         self.estimating.see(observed.fix);
         self.observed = Some(observed);
@@ -298,6 +298,10 @@ impl<'l> Drive<'l> {
                     generator.into_iter().for_each(|generator| offer(generator, self.tick, command));
                 }
                 Event::Pause(ticks) => paused += ticks,
+                Event::System(number) => {
+                    let limits = self.log.numbered(*number)?.limits;
+                    generator.into_iter().for_each(|generator| generator.set_limits(limits));
+                }
             }
         }
         self.prolonged |= self.tick >= self.log.end;

@@ -24,6 +24,8 @@ pub enum Event {
     Foreign(Command),
     /// Ticks are lost before the next.
     Pause(u64),
+    /// The system file of this number is in force.
+    System(u64),
 }
 
 /// What the recording says of the outside.
@@ -149,6 +151,7 @@ impl Outside {
                 }
                 Ok(Taken::Command(command)) => Event::Foreign(command),
                 Ok(Taken::Pause(ticks)) => Event::Pause(ticks),
+                Ok(Taken::System(number)) => Event::System(number),
                 Ok(Taken::Nothing) => continue,
                 Err(why) => {
                     self.notes.push(why);
