@@ -35,6 +35,8 @@ fn in_lockstep_every_pair_ends_in_the_bits_of_one_thread() {
         for summary in [&mut alone, &mut together] {
             let object = summary.as_object_mut().expect("an object");
             assert!(object.remove("clock").is_some() && object.remove("lateness_us").is_some());
+            // What processes say of themselves is recorded, too, and one thread has none.
+            assert_eq!(object.remove("recording").expect("a recording")["complete"], true);
         }
         assert_eq!(alone, together, "{} on {scenario}", law.name);
         assert_eq!(alone["reached"], true, "{} on {scenario}", law.name);

@@ -149,7 +149,7 @@ fn a_full_disk_has_no_effect_on_the_tick() {
         let (ended, seen) = unless_spoilt(figures, |attempt| {
             let robot = lab.robot_named(&format!("d{}x{attempt}", draw.seed()));
             let mount = |dir: &str| {
-                format!("mount -t tmpfs -o size=2m,mode=0700 tmpfs {}", lab.dir().join(dir).display())
+                format!("mount -t tmpfs -o size=4m,mode=0700 tmpfs {}", lab.dir().join(dir).display())
             };
             let line = format!("{} && {} && exec \"$@\"", mount("disk"), mount("rt"));
             let args = [&["run"][..], &job, &["--robot", &robot, "--out", "disk/report"], &SET].concat();

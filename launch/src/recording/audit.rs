@@ -59,8 +59,8 @@ struct Followed {
     newest: Option<Tick>,
     missing: u64,
     absent: u64,
-    /// Newest sequence number of each writer.
-    sequences: BTreeMap<(u64, u64), u64>,
+    /// Newest sequence number of each writer, and the tick that goes with it.
+    sequences: BTreeMap<(u64, u64), (u64, Tick)>,
 }
 
 /// Follows all wires.
@@ -87,18 +87,24 @@ impl Audit {
         let wire = &mut self.wires[place];
         wire.messages += 1;
         let numbered = match heard {
-            Heard::Command(command) => Some(((command.source, command.epoch), command.seq)),
-            Heard::Authority(authority) => Some(((0, 0), authority.seq)),
+            Heard::Command(command) => {
+                Some(((command.source, command.epoch), (command.seq, Some(command.pose_tick))))
+            }
+            Heard::Authority(authority) => Some(((0, 0), (authority.seq, None))),
             _ => None,
         };
-        if let Some((writer, number)) = numbered
+        if let Some((writer, (number, tick))) = numbered
             && (wire.sequences.len() < MAX_WRITERS || wire.sequences.contains_key(&writer))
         {
-            let newest = wire.sequences.entry(writer).or_insert(number);
+            let (newest, answered) = wire.sequences.entry(writer).or_insert((number, tick.unwrap_or(0)));
             let missing = number.saturating_sub(newest.saturating_add(1));
-            // A number far beyond is no number: whoever sends it counts otherwise.
-            wire.missing += if missing <= MAX_MISSING { missing } else { 0 };
-            *newest = number;
+            // A controller answers a control period with a command: numbers for which there was no time are no
+            // controller's, but of a program that floods the wire or lies.
+            let room = tick.map_or(MAX_MISSING, |tick| {
+                (tick.saturating_sub(*answered) / self.period_ticks).saturating_sub(1)
+            });
+            wire.missing += if missing <= room.min(MAX_MISSING) { missing } else { 0 };
+            (*newest, *answered) = (number, tick.unwrap_or(0));
         }
         let Some(tick) = heard.tick() else { return };
         self.newest = self.newest.max(tick);
@@ -192,16 +198,21 @@ mod tests {
             }
             if tick % 5 == 0 && tick != 1300 {
                 audit.hear(&Heard::Reference(&Reference { tick, ..Reference::ZERO }));
-                let seq = if tick < 1350 { tick / 5 } else { tick / 5 + 2 };
-                audit.hear(&Heard::Command(&Command { seq, pose_tick: tick, ..Command::ZERO }));
+                if ![1350, 1355].contains(&tick) {
+                    audit.hear(&Heard::Command(&Command {
+                        seq: tick / 5,
+                        pose_tick: tick,
+                        ..Command::ZERO
+                    }));
+                }
             }
         }
         let told = [
             ("pose".to_owned(), 3, 0),
             ("truth".to_owned(), 1150, 0),
             ("reference".to_owned(), 0, 1),
-            // The one that was never sent, by its number, and two that were.
-            ("command".to_owned(), 3, 1),
+            // By their numbers three that were sent.
+            ("command".to_owned(), 3, 3),
         ];
         assert_eq!(gaps(&audit), told);
     }
@@ -224,6 +235,15 @@ mod tests {
             audit.hear(&Heard::Authority(&Authority { seq, ..Authority::ZERO }));
         }
         assert_eq!(gaps(&audit), [("authority".to_owned(), 1, 0)]);
+    }
+
+    #[test]
+    fn numbers_that_no_time_goes_with_are_no_gap() {
+        let mut audit = Audit::new(5);
+        for (seq, pose_tick) in [(1, 5), (126, 10), (9_000, 10), (9_001, 15), (9_003, 25)] {
+            audit.hear(&Heard::Command(&Command { seq, pose_tick, ..Command::ZERO }));
+        }
+        assert_eq!(gaps(&audit), [("command".to_owned(), 1, 1)]);
     }
 
     #[test]
