@@ -84,7 +84,9 @@ impl Reactive for PlantProcess {
             let observed = self.plant.step(steps.tick, &steps);
             if let Some((wheels, fix)) = &self.sensors {
                 worker.note_telling(steps.tick);
-                // The fix first: whoever has the wheels of a tick has its fixes.
+                // The fix first, also for a reader that has just come: whoever has the wheels of a tick has its
+                // fixes.
+                fix.connect();
                 if let Some(seen) = &observed.fix {
                     fix.send(seen);
                 }
@@ -118,8 +120,8 @@ impl Reactive for PlantProcess {
         self.steps.connect();
         self.truth.connect();
         if let Some((wheels, fix)) = &self.sensors {
-            wheels.connect();
             fix.connect();
+            wheels.connect();
         }
     }
 }

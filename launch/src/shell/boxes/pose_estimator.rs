@@ -103,8 +103,9 @@ impl EstimatorProcess {
         let system = &worker.system;
         let sensors = match system.reads_sensors() {
             true => Some(SensorInputs {
-                wheels: worker.domain.input(&wires::WHEELS)?,
+                // The fixes first: by the time it has wheels, it has their fixes.
                 fix: worker.domain.input(&wires::FIX)?,
+                wheels: worker.domain.input(&wires::WHEELS)?,
                 encoders: system.motors.has_encoders(),
                 pairing: Pairing::default(),
                 fixes: Fixes::default(),
