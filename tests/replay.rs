@@ -180,6 +180,42 @@ fn a_swap_of_law_and_of_parameters_a_goal_and_a_stop_are_replayed() {
 }
 
 #[test]
+fn changes_of_parameters_are_replayed_also_by_successors() {
+    let _machine = whole_machine();
+    let lab = Lab::new();
+    for (more, first) in [
+        (&["--standby", "kanayama"][..], "controller.kanayama.k1_per_s=0.05"),
+        (&["--controller", "qp", "--set", "estimator.kind=ekf"], "controller.qp.knee_m=0.001"),
+    ] {
+        let drive = Drive::begin(&lab, more);
+        let ekf = more.contains(&"estimator.kind=ekf");
+        let noise = if ekf { "estimator.camera_sd_m=0.002" } else { "tracking.acceptance_radius_m=0.025" };
+        let changes = [
+            &[first][..],
+            &["tracking.speed_mps=0.03", "limits.v_max_mps=0.035", noise],
+            &["plant.slip_mean=0.02", "plant.slip_sd=0.01"],
+            &["limits.omega_max_radps=0.6"],
+        ];
+        for change in changes {
+            drive.tell(&[&["param", "set"], change].concat());
+            drive.goes_on("it drives on with other parameters");
+        }
+        for process in ["controller", "waypoint_selector", "pose_estimator"] {
+            drive.kill(process);
+        }
+        drive.tell(&["param", "set", "tracking.speed_mps=0.035"]);
+        drive.goes_on("successors drive on with other parameters");
+        let dir = drive.end();
+        replayed(&lab, &dir);
+        driven_again(&lab, &dir);
+        // What was changed is in it: without the changes it is another drive.
+        let args = ["replay", &dir.to_string_lossy(), "--set", "tracking.speed_mps=0.04", "--json"];
+        let report: Value = serde_json::from_str(&lab.hilare(&args).expect_code(0).stdout).expect("JSON");
+        assert_ne!(report["parted"], Value::Null);
+    }
+}
+
+#[test]
 fn the_death_of_each_box_is_replayed() {
     let _machine = whole_machine();
     let lab = Lab::new();

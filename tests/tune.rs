@@ -156,7 +156,7 @@ fn any_law_objectives_and_ranges() {
         "--set",
         "controller.pure-pursuit.lookahead_bends=1.5",
         "--set",
-        "limits.v_max_mps=0.1",
+        "limits.v_max_mps=0.06",
         "--weights",
         "1,1,5",
     ];

@@ -99,7 +99,10 @@ pub(super) static LISTEN: TextSpec = TextSpec {
     name: "listen",
     default: "",
     choices: Vec::new,
-    pattern: || None,
+    // What is no address is refused where it is read; others than this machine, too.
+    pattern: || {
+        Some(r"^(|localhost:[0-9]{1,5}|127(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[::1\]:[0-9]{1,5})$".to_owned())
+    },
     doc: "Address and port of the operator's page and its metrics, on this machine alone (127.0.0.1:7070); empty for none.",
 };
 

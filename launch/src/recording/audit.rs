@@ -199,11 +199,7 @@ mod tests {
             if tick % 5 == 0 && tick != 1300 {
                 audit.hear(&Heard::Reference(&Reference { tick, ..Reference::ZERO }));
                 if ![1350, 1355].contains(&tick) {
-                    audit.hear(&Heard::Command(&Command {
-                        seq: tick / 5,
-                        pose_tick: tick,
-                        ..Command::ZERO
-                    }));
+                    audit.hear(&Heard::Command(&Command { seq: tick / 5, pose_tick: tick, ..Command::ZERO }));
                 }
             }
         }

@@ -260,7 +260,7 @@ impl Part {
 
     /// Ends the file with its index, and says how long it has become; or why that failed, and how many messages of each
     /// wire are lost with it.
-    pub fn finish(mut self) -> Result<u64, (RecordingError, [u64; RECORDED.len()])> {
+    pub fn finish(mut self) -> Result<u64, Box<(RecordingError, [u64; RECORDED.len()])>> {
         let ended = self.end_chunk().and_then(|()| {
             let Some(mut writer) = self.writer.take() else { return Ok(()) };
             let ended = writer.finish().map(drop).and_then(|()| Ok(writer.into_inner().flush()?));
@@ -273,7 +273,7 @@ impl Part {
             }
             Err(error) => {
                 self.abandon();
-                Err((error, self.open))
+                Err(Box::new((error, self.open)))
             }
         }
     }

@@ -153,7 +153,8 @@ impl Writer {
                 self.written.bytes += bytes;
                 (!in_place).then(|| RecordingError::new(&path, "somebody has taken the file away"))
             }
-            Err((error, lost)) => {
+            Err(failed) => {
+                let (error, lost) = *failed;
                 self.written.refused.iter_mut().zip(lost).for_each(|(refused, lost)| *refused += lost);
                 self.written.bytes += std::fs::metadata(&path).map_or(0, |file| file.len());
                 Some(error)

@@ -4,7 +4,7 @@ use super::log::Messages;
 use crate::config::System;
 use hilare_controller::LAWS;
 use hilare_interfaces::block::Tick;
-use hilare_interfaces::layout::{WireField, WireMessage};
+use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Journal, JournalKind};
 use hilare_interfaces::wires::Role;
 
@@ -24,7 +24,6 @@ pub fn journal(system: Option<&System>, messages: &Messages) -> Vec<Journal> {
                 tick,
                 kind: kind.code(),
                 words,
-                ..Journal::ZERO
             }));
         };
     let authorities = messages

@@ -5,11 +5,14 @@ use hilare_interfaces::block::Tick;
 use hilare_interfaces::state::{STATE_WORDS, Stateful};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// A kept state: of what kind of box, and the words.
+type Kept = (u64, Vec<u64>);
+
 /// Those some process of the run went on from, as they come.
 pub struct States {
     wanted: BTreeSet<(u64, Tick)>,
-    /// By place and tick: of what kind of box, and the words.
-    kept: BTreeMap<(u64, Tick), Vec<(u64, Vec<u64>)>>,
+    /// By place and tick.
+    kept: BTreeMap<(u64, Tick), Vec<Kept>>,
     room: Box<[u64; STATE_WORDS]>,
 }
 

@@ -79,7 +79,7 @@ pub fn check_keys(set: &[String]) -> Result<(), String> {
     for assignment in set {
         let key = assignment.split('=').next().unwrap_or_default().trim();
         let idle = |known: &&str| key == *known || (known.ends_with('.') && key.starts_with(*known));
-        if WITHOUT_EFFECT.iter().any(|known| idle(&known)) {
+        if WITHOUT_EFFECT.iter().any(idle) {
             return Err(format!(
                 "--set {key}: without effect in a replay, which has no processes; leave it away"
             ));

@@ -54,7 +54,7 @@ fn waits_for_another(life: &Life, waiting: &[&Life]) -> bool {
             && other.tick <= tick
             && (other.slot != life.slot || other.incarnation < life.incarnation)
     };
-    waiting.iter().any(|other| before(other))
+    waiting.iter().any(before)
 }
 
 /// A program that is not ours, or a process of which the recording lacks the beginning.

@@ -1,6 +1,7 @@
 //! The pose estimator, with the steps, wheels and fixes of each pose's tick.
 
 use super::BoxReport;
+use crate::config::System;
 use crate::replay::ledger::Ledger;
 use crate::replay::lives::{Changes, Life, last_tick};
 use crate::replay::log::RunLog;
@@ -20,7 +21,11 @@ pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
     let mut ledger = Ledger::new(log.poses.all(), measures);
     let lives = log.lives.of_role(Role::PoseEstimator);
     for (n, life) in lives.iter().enumerate() {
-        let to = last_tick(&lives, n, 1, log.end);
+        // Of the end, some wires may have more than others.
+        let sensors = log.system(life).is_ok_and(System::reads_sensors);
+        let inputs = [log.steps.last(log.end), log.wheels.last(log.end).filter(|_| sensors)];
+        let end = inputs.into_iter().flatten().min().unwrap_or(0);
+        let to = last_tick(&lives, n, 1, end);
         if let Err(why) = replay_life(log, life, to, states, &mut ledger) {
             report.note(life, &why);
         }
