@@ -80,7 +80,8 @@ const heard = {
   },
   log(message) {
     const list = $("log");
-    const atEnd = list.scrollHeight - list.scrollTop - list.clientHeight < 40;
+    const box = list.parentElement;
+    const atEnd = box.scrollHeight - box.scrollTop - box.clientHeight < 40;
     for (const line of message.lines) {
       const item = document.createElement("li");
       item.dataset.level = line.level;
@@ -94,7 +95,7 @@ const heard = {
       list.append(item);
     }
     while (list.childElementCount > LOG_MAX) list.firstElementChild.remove();
-    if (atEnd) list.scrollTop = list.scrollHeight;
+    if (atEnd) box.scrollTop = box.scrollHeight;
   },
 };
 

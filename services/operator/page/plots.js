@@ -164,7 +164,7 @@ export class Bars {
       c.fillRect(left + i * wide + 1, height - bottom - h, Math.max(1, wide - 2), h);
       c.fillStyle = colour("dim");
       c.textAlign = "center";
-      if (i % Math.ceil(this.buckets.length / 7) === 0) c.fillText(bound >= 1000 ? `${bound / 1000} ms` : `${bound}`, left + (i + 0.5) * wide, height - 4);
+      if (i % Math.ceil(this.buckets.length / 7) === 0) c.fillText(bound >= 1000 ? `${Math.round(bound / 1000)} ms` : `${bound}`, left + (i + 0.5) * wide, height - 4);
     });
     if (this.quantiles) {
       c.textAlign = "right";
