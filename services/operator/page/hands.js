@@ -2,7 +2,7 @@
 
 import { simplify } from "./path.js";
 
-const GRAB_PX = 14;
+const GRAB_PX = { mouse: 9, touch: 18 };
 const CLICK_PX = 5;
 const FREEHAND_PX = 2.5;
 
@@ -41,8 +41,8 @@ export class Hands {
     return [event.clientX - box.left, event.clientY - box.top];
   }
 
-  nearest(px, py) {
-    let [best, least] = [-1, GRAB_PX];
+  nearest(px, py, pointer) {
+    let [best, least] = [-1, GRAB_PX[pointer] ?? GRAB_PX.mouse];
     this.path.points.forEach(([x, y], i) => {
       const [qx, qy] = this.view.toScreen(x, y);
       const d = Math.hypot(qx - px, qy - py);
@@ -67,8 +67,9 @@ export class Hands {
     this.held = { kind: pans ? "pan" : "click", px, py, moved: false };
     if (pans) return;
     if (this.tool === "draw") {
-      const index = this.nearest(px, py);
-      if (index >= 0) {
+      const index = this.nearest(px, py, event.pointerType);
+      // With Shift there is always room for one more.
+      if (index >= 0 && !event.shiftKey) {
         this.path.unsent = true;
         this.path.select(index);
         this.held.kind = "waypoint";
