@@ -35,6 +35,7 @@ fn every_verb_has_an_example_and_its_exit_codes() {
         "tune",
         "reproduce",
         "latency",
+        "top",
         "topic",
         "diagram",
         "doctor",

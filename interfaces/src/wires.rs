@@ -32,11 +32,13 @@ pub enum Role {
     Relay,
     /// Keeps what happened.
     Recorder,
+    /// A page about the robot, where one is wanted.
+    Operator,
 }
 
 impl Role {
     /// Every worker, in the diagram's order; launch is not one.
-    pub const WORKERS: [Self; 8] = [
+    pub const WORKERS: [Self; 9] = [
         Self::Planner,
         Self::WaypointSelector,
         Self::Controller,
@@ -45,6 +47,7 @@ impl Role {
         Self::Plant,
         Self::Relay,
         Self::Recorder,
+        Self::Operator,
     ];
 
     /// Name in commands, files and folders.
@@ -59,6 +62,7 @@ impl Role {
             Self::Plant => "plant",
             Self::Relay => "relay",
             Self::Recorder => "recorder",
+            Self::Operator => "operator",
         }
     }
 

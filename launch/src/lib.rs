@@ -3,8 +3,12 @@
 //! * [`config`]: system and scenario files.
 //! * [`shell`]: what makes a block a process.
 //! * [`manager`]: what makes processes a robot.
+//! * [`doctor`]: what a machine allows.
 //! * [`latency`]: how punctual it all is.
+//! * [`look`]: a robot seen from outside.
+//! * [`operator`]: the page about a robot.
 //! * [`report`]: what a run came to.
+//! * [`top`]: a robot on a terminal.
 //! * [`topic`]: what the wires carry, for people.
 //! * [`reproduce`]: what the papers print, beside what comes out here.
 //! * [`systemd`]: units that start a robot at boot.
@@ -14,13 +18,17 @@
 
 pub mod cli;
 pub mod config;
+pub mod doctor;
 pub mod latency;
 pub mod logging;
+pub mod look;
 pub mod manager;
+pub mod operator;
 mod private;
 pub mod report;
 pub mod reproduce;
 pub mod shell;
 pub mod systemd;
+pub mod top;
 pub mod topic;
 pub mod tuning;

@@ -14,7 +14,7 @@ fn every_wire_has_both_ends_and_its_own_name() {
 
 #[test]
 fn the_control_path_never_sees_the_truth() {
-    let outside = [Role::Relay, Role::Recorder, Role::Launch];
+    let outside = [Role::Relay, Role::Recorder, Role::Operator, Role::Launch];
     for wire in [&TRUTH, &watch::TRUTH] {
         assert!(wire.to.iter().all(|reader| outside.contains(&reader.role)), "{:?}", wire.to);
     }
@@ -36,7 +36,7 @@ fn the_clock_starts_last_and_readers_before_the_writers_that_wake_them() {
 #[test]
 fn nobody_on_the_tick_waits_for_an_observer() {
     for wire in WIRES {
-        let observers = [Role::Relay, Role::Recorder, Role::Launch];
+        let observers = [Role::Relay, Role::Recorder, Role::Operator, Role::Launch];
         assert!(!observers.iter().any(|role| wire.wakes(*role)), "{}", wire.name);
     }
 }

@@ -8,6 +8,9 @@ use super::{Rate, Reader, Role, Wire, polls};
 use crate::layout::WireMessage;
 use crate::messages::Journal;
 
+/// Those who see the robot from outside, whole.
+const LOOKERS: &[Reader] = &[polls(Role::Recorder), polls(Role::Operator)];
+
 /// A wire repeated: same messages, same depth.
 const fn watch(wire: &Wire, name: &'static str, to: &'static [Reader], history: usize) -> Wire {
     Wire {
@@ -31,33 +34,46 @@ pub const GOAL: Wire = watch(&super::GOAL, "watch/goal", &[polls(Role::Recorder)
 pub const ANSWER: Wire = watch(&super::ANSWER, "watch/answer", &[polls(Role::Recorder)], 0);
 
 /// Paths; who comes late gets the one in force.
-pub const PATH: Wire = watch(&super::PATH, "watch/path", &[polls(Role::Recorder)], 1);
+pub const PATH: Wire = watch(&super::PATH, "watch/path", LOOKERS, 1);
 
 /// References.
-pub const REFERENCE: Wire =
-    watch(&super::REFERENCE, "watch/reference", &[polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const REFERENCE: Wire = watch(
+    &super::REFERENCE,
+    "watch/reference",
+    &[polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// Commands of every controller.
-pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", &[polls(Role::Recorder)], 0);
+pub const COMMAND: Wire = watch(&super::COMMAND, "watch/command", LOOKERS, 0);
 
 /// Who may drive; who comes late gets the last word.
-pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", &[polls(Role::Recorder)], 1);
+pub const AUTHORITY: Wire = watch(&super::AUTHORITY, "watch/authority", LOOKERS, 1);
 
 /// Steps.
-pub const STEPS: Wire = watch(&super::STEPS, "watch/steps", &[polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const STEPS: Wire = watch(
+    &super::STEPS,
+    "watch/steps",
+    &[polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// Encoders.
-pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", &[polls(Role::Recorder)], 0);
+pub const WHEELS: Wire = watch(&super::WHEELS, "watch/wheels", LOOKERS, 0);
 
 /// Camera.
-pub const FIX: Wire = watch(&super::FIX, "watch/fix", &[polls(Role::Recorder)], 0);
+pub const FIX: Wire = watch(&super::FIX, "watch/fix", LOOKERS, 0);
 
 /// Estimated poses.
-pub const POSE: Wire =
-    watch(&super::POSE, "watch/pose", &[polls(Role::Planner), polls(Role::Recorder), polls(Role::Launch)], 1);
+pub const POSE: Wire = watch(
+    &super::POSE,
+    "watch/pose",
+    &[polls(Role::Planner), polls(Role::Recorder), polls(Role::Operator), polls(Role::Launch)],
+    1,
+);
 
 /// True poses.
-pub const TRUTH: Wire = watch(&super::TRUTH, "watch/truth", &[polls(Role::Recorder)], 0);
+pub const TRUTH: Wire = watch(&super::TRUTH, "watch/truth", LOOKERS, 0);
 
 /// How everybody fares: of all processes on one wire, so deeper than the wire itself.
 pub const HEALTH: Wire =

@@ -16,6 +16,7 @@ mod reproduce;
 pub(crate) mod run;
 mod service;
 mod systemd;
+mod top;
 mod topic;
 mod tune;
 mod up;
@@ -138,6 +139,12 @@ enum Verb {
         Exit codes: 0 done, 1 the robot went down before all was there that was asked for, 2 wrong use."
     )]
     Topic(topic::TopicArgs),
+    /// Show a robot on the terminal: processes, rates, lateness, tracking
+    #[command(
+        after_help = "Examples:\n  hilare top\n  hilare top --once\n  hilare top --json --interval 5 >> mule.jsonl\nKeys: q or Ctrl-C ends it.\n\
+        Exit codes: 0 ended, 1 the robot went down, 2 wrong use or no such robot."
+    )]
+    Top(top::TopArgs),
     /// Print the block diagram the wires are built from
     #[command(
         after_help = "Examples:\n  hilare diagram --json\n  hilare diagram --header python > hilare_wires.py\nExit codes: 0 done, 2 wrong use."
@@ -198,6 +205,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Reproduce(args)) => reproduce::reproduce(&args),
         Some(Verb::Latency(args)) => latency::latency(&args),
         Some(Verb::Topic(args)) => topic::topic(&args),
+        Some(Verb::Top(args)) => top::top(&args),
         Some(Verb::Bare(args)) => latency::bare(&args),
         Some(Verb::Diagram(args)) => diagram::diagram(&args),
         Some(Verb::Doctor(args)) => doctor::doctor(&args),

@@ -54,6 +54,9 @@ pub struct RunArgs {
     /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
+    /// Address and port of a page with metrics for Prometheus, on this machine alone, e.g. 127.0.0.1:7070
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     pub(super) clock: ClockKind,
@@ -82,6 +85,7 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
         start: None,
         controller: None,
         standby: None,
+        listen: None,
         clock: ClockKind::Real,
         seed: None,
         set: Vec::new(),
@@ -96,6 +100,9 @@ pub fn run(args: &RunArgs) -> VerbResult {
     let scenario = resolve(args)?;
     if args.clock == ClockKind::InProcess && !scenario.system.controller.exec.is_empty() {
         return Err(refused("controller.exec: an executable is a process; --clock real or lockstep"));
+    }
+    if args.clock == ClockKind::InProcess && args.listen.is_some() {
+        return Err(refused("--listen: the page is a process; --clock real or lockstep"));
     }
     let map = scenario.system.load_map().map_err(refused)?;
     let waypoints = path_of(&scenario, map.as_ref())?;
@@ -197,6 +204,7 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
     }
     let system = &mut scenario.system;
     set_with_drivers(system, &args.set, args.controller.as_deref(), args.standby.as_deref())?;
+    set_listen(system, args.listen.as_deref())?;
     if let Some(seed) = args.seed {
         set_flag(system, "--seed", &seed.to_string(), &seed_keys(seed))?;
     }
@@ -248,6 +256,12 @@ pub(super) fn set_flag(system: &mut System, flag: &str, value: &str, keys: &[Str
             keys.iter().find_map(|key| error.strip_prefix(&format!("--set {key}: "))).unwrap_or(&error);
         refused(format!("{flag} {value}: {what}"))
     })
+}
+
+/// Where the page listens, if the command line says so.
+pub(super) fn set_listen(system: &mut System, listen: Option<&str>) -> Result<(), Failure> {
+    listen
+        .map_or(Ok(()), |listen| set_flag(system, "--listen", listen, &[format!("operator.listen={listen}")]))
 }
 
 /// `X,Y,THETA` as assignments to the system's start pose, whose bounds then apply.

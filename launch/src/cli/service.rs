@@ -6,6 +6,7 @@ use crate::logging;
 use crate::manager::Failure;
 use crate::manager::children::this_program;
 use crate::manager::join::{Watch, find_place};
+use crate::operator::OperatorProcess;
 use crate::private::PrivateUmask;
 use crate::shell::ClockKind;
 use crate::shell::boxes::{ControllerProcess, EstimatorProcess, PlantProcess, SelectorProcess};
@@ -186,6 +187,7 @@ fn host(assignment: Assignment) -> Result<(), String> {
         Role::Plant => PlantProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Relay => RelayProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Recorder => RecorderProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
+        Role::Operator => OperatorProcess::new(&worker).and_then(|hosted| worker.host(hosted)),
         Role::Launch => Err("launch is not a service".to_owned()),
     }
 }

@@ -1,6 +1,6 @@
 //! `hilare up`: a robot that stays up.
 
-use super::run::{set_flag, set_with_drivers};
+use super::run::{set_flag, set_listen, set_with_drivers};
 use super::{VerbResult, print, refused};
 use crate::config::System;
 use crate::logging::{self, LogSink};
@@ -39,6 +39,9 @@ pub struct UpArgs {
     /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
+    /// Address and port of a page with metrics for Prometheus, on this machine alone, e.g. 127.0.0.1:7070
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<String>,
     /// Write the merged log of all processes to this file as well [default with --detach: the runtime
     /// directory's ROBOT.log, kept if the robot ends with a fault]
     #[arg(long, value_name = "FILE")]
@@ -65,6 +68,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
+    set_listen(&mut system, args.listen.as_deref())?;
     system.load_map().map_err(refused)?;
     if args.detach {
         return detach(args, &system.robot);
@@ -122,6 +126,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         ("--robot", args.robot.as_slice()),
         ("--controller", args.controller.as_slice()),
         ("--standby", args.standby.as_slice()),
+        ("--listen", args.listen.as_slice()),
     ] {
         for value in values {
             command.arg(format!("{flag}={value}"));

@@ -180,6 +180,12 @@ fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Valu
             system.robot = text.to_owned();
         }
         Section::Planner => system.map = text.to_owned(),
+        Section::Operator => {
+            if !text.is_empty() {
+                hilare_operator::address::parse(text)?;
+            }
+            system.listen = text.to_owned();
+        }
         Section::Controller if spec.name == EXEC.name => system.controller.exec = text.to_owned(),
         Section::Controller if spec.name == STANDBY.name => {
             if !(text.is_empty() || text.contains('/')) {
@@ -216,6 +222,7 @@ pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSp
     match section {
         Section::Top => &system.robot,
         Section::Planner => &system.map,
+        Section::Operator => &system.listen,
         Section::Controller if spec.name == EXEC.name => &system.controller.exec,
         Section::Controller if spec.name == STANDBY.name => &system.controller.standby,
         Section::Controller => system.controller.law.name,

@@ -1,7 +1,9 @@
 //! The table of keys: sections, and which parameter group each of them is.
 
 use super::group::Group;
-use super::texts::{ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, MAP, MOTORS, ROBOT, STANDBY, TextSpec};
+use super::texts::{
+    ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, LISTEN, MAP, MOTORS, ROBOT, STANDBY, TextSpec,
+};
 use super::{Supervision, System, WakeUp, realtime};
 use hilare_controller::LAWS;
 use hilare_controller::prediction::PredictionParams;
@@ -132,6 +134,7 @@ pub(super) enum Section {
     Camera,
     Start,
     Supervision,
+    Operator,
     WakeUp,
     Realtime(Role),
 }
@@ -144,7 +147,7 @@ impl Section {
         head.into_iter()
             .chain((0..LAWS.len()).map(Law))
             .chain([Estimator, Planner, Fit, StepperDrive, DcServo, MecanumServo, Camera, Start, Supervision])
-            .chain([WakeUp])
+            .chain([Operator, WakeUp])
             .chain(Role::WORKERS.map(Realtime))
     }
 
@@ -184,6 +187,7 @@ impl Section {
             Self::Camera => "camera".to_owned(),
             Self::Start => "start".to_owned(),
             Self::Supervision => "supervision".to_owned(),
+            Self::Operator => "operator".to_owned(),
             Self::WakeUp => "wake_up".to_owned(),
             Self::Realtime(role) => format!("realtime.{}", role.name()),
         }
@@ -224,6 +228,7 @@ impl Section {
             Self::Controller => [Some(&LAW), Some(&EXEC), Some(&STANDBY)],
             Self::Estimator => [Some(&ESTIMATOR), None, None],
             Self::Planner => [Some(&MAP), None, None],
+            Self::Operator => [Some(&LISTEN), None, None],
             _ => [None; 3],
         };
         texts.into_iter().flatten()
@@ -237,7 +242,7 @@ impl Section {
     /// Its numbers and switches.
     pub(super) fn specs(self) -> &'static [ParamSpec] {
         match self {
-            Self::Top => &[],
+            Self::Top | Self::Operator => &[],
             Self::Controller => PredictionParams::SPECS,
             Self::Estimator => EkfParams::SPECS,
             Self::Differential => DifferentialParams::SPECS,
@@ -270,7 +275,7 @@ impl Section {
 
     fn group(self, system: &System) -> Option<&dyn Group> {
         Some(match self {
-            Self::Top => return None,
+            Self::Top | Self::Operator => return None,
             Self::Controller => &system.prediction,
             Self::Estimator => &system.ekf,
             Self::Differential | Self::Mecanum => &system.chassis,
@@ -294,7 +299,7 @@ impl Section {
 
     fn group_mut(self, system: &mut System) -> Option<&mut dyn Group> {
         Some(match self {
-            Self::Top => return None,
+            Self::Top | Self::Operator => return None,
             Self::Controller => &mut system.prediction,
             Self::Estimator => &mut system.ekf,
             Self::Differential | Self::Mecanum => &mut system.chassis,

@@ -135,6 +135,8 @@ pub struct System {
     pub start: WorldPose,
     /// Restarts and arming.
     pub supervision: Supervision,
+    /// Where the operator's page listens; empty for none.
+    pub listen: String,
     /// How the clock wakes.
     pub wake_up: WakeUp,
     realtime: [Realtime; Role::WORKERS.len()],
@@ -172,6 +174,7 @@ impl Default for System {
             camera: CameraParams::default(),
             start: WorldPose::default(),
             supervision: Supervision::default(),
+            listen: texts::LISTEN.default.to_owned(),
             wake_up: WakeUp::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),
         }

@@ -28,7 +28,7 @@ const fn defaults(role: Role) -> Realtime {
         Role::Controller => 60,
         Role::Plant => 55,
         // Files and mappings keep the kernel busy where the clock cannot interrupt it.
-        Role::Relay | Role::Recorder => return Realtime { cpu: ALL_BUT_LAST, priority: 0 },
+        Role::Relay | Role::Recorder | Role::Operator => return Realtime { cpu: ALL_BUT_LAST, priority: 0 },
         Role::Planner | Role::Launch => return Realtime::UNBOUND,
     };
     Realtime { cpu: LAST_CPU, priority }

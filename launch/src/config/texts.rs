@@ -84,6 +84,14 @@ pub(super) static STANDBY: TextSpec = TextSpec {
     doc: "Law (or executable: a name with a /) of a second controller that takes over within the tick; empty for none.",
 };
 
+/// Where the operator's page listens.
+pub(super) static LISTEN: TextSpec = TextSpec {
+    name: "listen",
+    default: "",
+    choices: Vec::new,
+    doc: "Address and port of the operator's page and its metrics, on this machine alone (127.0.0.1:7070); empty for none.",
+};
+
 /// Map to plan on.
 pub(super) static MAP: TextSpec = TextSpec {
     name: "map",

@@ -17,6 +17,11 @@ impl Manager {
     pub(super) fn answer(&mut self, call: Call) {
         let response = match call.request {
             Request::Status => Response { status: Some(self.status()), ..Response::done("") },
+            Request::Measured => Response {
+                status: Some(self.status()),
+                measured: Some(self.measured()),
+                ..Response::done("")
+            },
             Request::Arm if !self.up => Response::refused("the robot is still starting"),
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),
@@ -156,7 +161,9 @@ impl Manager {
         let label = |code: u64, decode: fn(u64) -> Option<Mode>| decode(code).map_or("unknown", Mode::label);
         Status {
             robot: self.job.system.robot.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
             launch_pid: std::process::id(),
+            uptime_s: self.born.elapsed().as_secs_f64(),
             clock: self.job.clock.to_string(),
             mode: if self.up { label(self.authority.mode, Mode::from_code) } else { "starting" }.to_owned(),
             drive: Drive::from_code(steps.drive).map_or("unknown", Drive::label).to_owned(),
@@ -169,10 +176,14 @@ impl Manager {
             pose: pose.map(|pose| [pose.x_m, pose.y_m, pose.theta_rad]),
             speed_mps: twist.speed_mps(),
             omega_radps: twist.omega_radps,
+            ticks_late: steps.ticks_late,
             commands_late: steps.commands_late,
             commands_rejected: steps.commands_rejected,
             last_refusal: (steps.refusal != Refusal::None.code()).then(|| self.last_refusal()),
             cycles_without_command: steps.cycles_without_command,
+            commands_borrowed: steps.commands_borrowed,
+            promotions: steps.promotions,
+            swaps: self.swaps,
             paused_ticks: steps.paused_ticks,
             fault: self.fault.clone().or_else(|| self.halted.clone()),
             processes: self
@@ -183,7 +194,7 @@ impl Manager {
                 .map(|(slot, member)| {
                     let pid = member.running.as_ref().map_or(0, |running| running.pid);
                     let counts = Counts::of(&self.page, slot, pid);
-                    member.status(self.page.state(slot), steps.standby_answers > 0, counts)
+                    member.status(slot, self.page.state(slot), steps.standby_answers > 0, counts)
                 })
                 .collect(),
         }

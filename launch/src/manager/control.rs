@@ -30,6 +30,8 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 pub enum Request {
     /// Everything there is to know.
     Status,
+    /// The status, and what the processes measure of themselves.
+    Measured,
     /// Let commands act.
     Arm,
     /// Ramp to a stop and stay.
@@ -74,6 +76,9 @@ pub struct Response {
     /// The status, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<super::status::Status>,
+    /// What the processes measure, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Vec<super::measured::Measured>>,
     /// A worker's place, if that was asked for: the arguments of `hilare service`. The page comes with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Vec<String>>,
@@ -89,7 +94,7 @@ impl Response {
     /// Done.
     pub fn done(message: impl Into<String>) -> Self {
         let message = message.into();
-        Self { ok: true, message, status: None, place: None, later: false, wrong_use: false }
+        Self { ok: true, message, status: None, measured: None, place: None, later: false, wrong_use: false }
     }
 
     /// Not done, and why.

@@ -146,7 +146,13 @@ impl Member {
     }
 
     /// As it is shown; `warm` if it stands by and has commands in time.
-    pub(super) fn status(&self, page_state: SlotState, warm: bool, counts: Counts) -> ProcessStatus {
+    pub(super) fn status(
+        &self,
+        slot: usize,
+        page_state: SlotState,
+        warm: bool,
+        counts: Counts,
+    ) -> ProcessStatus {
         let state = match (&self.running, page_state) {
             (None, _) if self.invitation.is_some() => "awaited",
             (None, _) => "dead",
@@ -170,12 +176,15 @@ impl Member {
         };
         let text = self.health.map_or(String::new(), |health| field_text(&health.text).to_owned());
         ProcessStatus {
+            slot,
             name: self.role.name().to_owned(),
             law: self.driver.as_ref().map(Driver::name),
             pid: self.running.as_ref().map_or(0, |running| running.pid),
             state: state.to_owned(),
             reason: if self.running.is_none() { self.last_end.clone() } else { text },
             restarts: self.restarts,
+            tick: self.health.map_or(0, |health| health.tick),
+            rejected: self.health.map_or(0, |health| health.rejected),
             authority: self.role == Role::Controller && self.duty == Duty::Work,
             granted: self.granted().map_or(String::new(), |granted| granted_text(&granted)),
             counts,

@@ -6,6 +6,7 @@
 pub mod children;
 pub mod control;
 pub mod join;
+pub mod measured;
 pub mod notify;
 pub mod robot_dir;
 pub mod status;
@@ -23,6 +24,7 @@ mod systems;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
+use crate::operator::port;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
@@ -185,6 +187,7 @@ pub struct Manager {
     /// Why the robot has to be armed again, if so.
     halted: Option<String>,
     notify: notify::Notify,
+    born: Instant,
     dir: RobotDir,
 }
 
@@ -222,6 +225,9 @@ impl Manager {
     pub fn start(claim: Claim, job: Job, log: &LogSink) -> Result<Self, Failure> {
         let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
         let Claim { dir, sender, events } = claim;
+        if job.workers == Workers::Own {
+            port::check(&job.system.listen).map_err(Failure::Refused)?;
+        }
         start::write_files(dir.path(), &job)?;
         let systems = systems::SystemFiles::begin(dir.path(), &job.system).map_err(Failure::Refused)?;
         let domain = Domain::join(dir.path(), "launch").map_err(|e| refused(&e))?;
@@ -260,6 +266,7 @@ impl Manager {
             swaps: 0,
             halted: None,
             notify: notify::Notify::from_environment(),
+            born: Instant::now(),
             dir,
         };
         if robot_dir::estop_latch(&manager.job.system.robot).exists() {

@@ -203,7 +203,12 @@ pub(super) fn write_files(dir: &Path, job: &Job) -> Result<(), Failure> {
 /// standby, for a controller on trial, and for one that is leaving meanwhile.
 pub(super) fn members(job: &Job) -> Vec<Member> {
     let controller = &job.system.controller;
-    let roles = wires::start_order().into_iter().filter(|role| *role != Role::Recorder || job.record);
+    let wanted = |role: &Role| match role {
+        Role::Recorder => job.record,
+        Role::Operator => !job.system.listen.is_empty(),
+        _ => true,
+    };
+    let roles = wires::start_order().into_iter().filter(wanted);
     let mut members: Vec<Member> = roles
         .map(|role| Member::new(role, Duty::Work, (role == Role::Controller).then(|| controller.driver())))
         .collect();

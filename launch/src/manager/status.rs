@@ -6,11 +6,16 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 /// State of a robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Status {
     /// Its name.
     pub robot: String,
+    /// Version of hilare its launch is of.
+    pub version: String,
     /// Process id of its launch.
     pub launch_pid: u32,
+    /// Time since it was launched, s.
+    pub uptime_s: f64,
     /// What drives the ticks.
     pub clock: String,
     /// What the operator wants: disarmed, armed, stop, e-stop; `starting` until all workers are at work.
@@ -34,6 +39,8 @@ pub struct Status {
     /// Commanded yaw rate, rad/s.
     #[serde(deserialize_with = "number")]
     pub omega_radps: f64,
+    /// Wake-ups of the clock a tick or more late.
+    pub ticks_late: u64,
     /// Commands that came late.
     pub commands_late: u64,
     /// Commands refused.
@@ -42,6 +49,12 @@ pub struct Status {
     pub last_refusal: Option<String>,
     /// Control cycles without a command.
     pub cycles_without_command: u64,
+    /// Control cycles driven by the standby's command for want of one from the controller in charge.
+    pub commands_borrowed: u64,
+    /// Times the standby took charge.
+    pub promotions: u64,
+    /// Controllers and boxes swapped.
+    pub swaps: u64,
     /// Whole ticks the clock lost to pauses.
     pub paused_ticks: u64,
     /// Why the robot cannot go on, if so.
@@ -52,11 +65,14 @@ pub struct Status {
 
 /// State of a process.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ProcessStatus {
+    /// Its place in the robot; commands name it, counted from 1, as their source.
+    pub slot: usize,
     /// Its box.
     pub name: String,
     /// What drives in it, if it is a controller.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
     /// Its process id; 0 if it is not running.
     pub pid: u32,
@@ -66,6 +82,10 @@ pub struct ProcessStatus {
     pub reason: String,
     /// Times it was started again.
     pub restarts: u64,
+    /// Newest tick it has worked on.
+    pub tick: u64,
+    /// Messages that were missing or refused at its rim; of relay and recorder, lost ones.
+    pub rejected: u64,
     /// True for the controller in charge.
     pub authority: bool,
     /// What the kernel granted: `fifo:80 cpu:1 mlock`; empty for nothing.

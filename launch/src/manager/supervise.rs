@@ -123,6 +123,9 @@ impl Manager {
                     error!("{name} {why}: giving it up; the robot drives on without a standby");
                     return self.vacate(slot);
                 }
+                if self.members[slot].role == Role::Operator {
+                    return error!("{why}: giving it up; the robot drives on without its page");
+                }
                 self.give_up(slot, &why);
             }
         }
@@ -139,6 +142,9 @@ impl Manager {
                     (Err(why), Duty::Standby) => {
                         error!("{why}; the robot drives on without a standby");
                         self.vacate(slot);
+                    }
+                    (Err(why), _) if self.members[slot].role == Role::Operator => {
+                        error!("{why}; the robot drives on without its page");
                     }
                     (Err(why), _) => self.stop_for_good(why),
                 }
@@ -178,7 +184,7 @@ impl Manager {
             let silent = member.look(sign);
             let patience = match member.role {
                 _ if starting => looks(START_PATIENCE.as_secs_f64()),
-                Role::Planner | Role::Relay => looks(patience_s) * PATIENCE_OFF_THE_LOOP,
+                Role::Planner | Role::Relay | Role::Operator => looks(patience_s) * PATIENCE_OFF_THE_LOOP,
                 _ => looks(patience_s),
             };
             // An observer that hangs harms nobody, and has the figures. A trial is judged elsewhere.

@@ -143,6 +143,8 @@ pub trait Reactive {
 /// than others takes a privilege; without it nothing changes.
 pub const fn memory_rank(role: Role) -> i32 {
     match role {
+        // Only looks; what it lacks is seen.
+        Role::Operator => 750,
         Role::Recorder => 600,
         Role::Relay => 450,
         Role::Planner => 300,

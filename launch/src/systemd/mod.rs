@@ -20,6 +20,7 @@ use crate::manager::LAUNCH_PRIORITY;
 use crate::manager::notify::{LONGEST_END, LONGEST_START};
 use crate::shell::worker::memory_rank;
 use hilare_interfaces::wires::{self, Role};
+use sandbox::Network;
 use std::path::PathBuf;
 use std::time::Duration;
 use unit::command_line;
@@ -89,7 +90,7 @@ fn whole(wanted: &Wanted, name: String) -> Result<Unit, String> {
     launch(&mut unit, wanted, &[])?;
     runtime_directory(&mut unit, wanted);
     unit.why("What the [realtime] sections ask for; launch's workers pin and raise themselves.");
-    let highest = roles().map(|role| wanted.system.realtime(role).priority).max().unwrap_or(0);
+    let highest = roles(&wanted.system).map(|role| wanted.system.realtime(role).priority).max().unwrap_or(0);
     limits(&mut unit, highest.max(LAUNCH_PRIORITY));
     match pinned(&wanted.system) {
         Some(cpus) => unit.set("CPUAffinity", cpus),
@@ -100,7 +101,8 @@ fn whole(wanted: &Wanted, name: String) -> Result<Unit, String> {
     oom(&mut unit, wanted, Role::Launch);
     unit.why("If the kernel takes a worker, launch decides what follows.");
     unit.set("OOMPolicy", "continue");
-    sandbox::write(&mut unit, wanted.scope == Scope::User, &wanted.files());
+    let network = if wanted.system.listen.is_empty() { Network::None } else { Network::Loopback };
+    sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     unit.section("Install");
     unit.set("WantedBy", wanted.wanted_by());
     Ok(unit)
@@ -176,13 +178,18 @@ fn oom(unit: &mut Unit, wanted: &Wanted, role: Role) {
 /// The processors of a system whose every process is bound to a numbered one.
 fn pinned(system: &System) -> Option<String> {
     let cpus: Option<std::collections::BTreeSet<i64>> =
-        roles().map(|role| system.realtime(role).cpu).map(|cpu| (cpu >= 0).then_some(cpu)).collect();
+        roles(system).map(|role| system.realtime(role).cpu).map(|cpu| (cpu >= 0).then_some(cpu)).collect();
     cpus.map(|cpus| cpus.iter().map(i64::to_string).collect::<Vec<_>>().join(" "))
 }
 
 /// The boxes of a robot that stays up: nothing is recorded.
-fn roles() -> impl Iterator<Item = Role> {
-    wires::start_order().into_iter().filter(|role| *role != Role::Recorder)
+fn roles(system: &System) -> impl Iterator<Item = Role> {
+    let wanted = |role: &Role| match role {
+        Role::Recorder => false,
+        Role::Operator => !system.listen.is_empty(),
+        _ => true,
+    };
+    wires::start_order().into_iter().filter(wanted)
 }
 
 /// A time span, whole seconds where it is.

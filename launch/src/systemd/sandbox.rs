@@ -12,9 +12,8 @@ const HOMES: [&str; 3] = ["/home", "/root", "/run/user"];
 const TEMPORARY: [&str; 2] = ["/tmp", "/var/tmp"];
 
 /// What works without privilege, in units of a user as well: filters of system calls.
-const FILTERS: [(&str, &str); 9] = [
+const FILTERS: [(&str, &str); 8] = [
     ("NoNewPrivileges", "yes"),
-    ("RestrictAddressFamilies", "AF_UNIX"),
     ("RestrictNamespaces", "yes"),
     ("RestrictSUIDSGID", "yes"),
     ("LockPersonality", "yes"),
@@ -25,12 +24,10 @@ const FILTERS: [(&str, &str); 9] = [
 ];
 
 /// What only the system's service manager can do: name spaces, capabilities, device rules.
-const WALLS: [(&str, &str); 14] = [
+const WALLS: [(&str, &str); 12] = [
     ("CapabilityBoundingSet", ""),
     ("ProtectSystem", "strict"),
     ("PrivateDevices", "yes"),
-    ("PrivateNetwork", "yes"),
-    ("IPAddressDeny", "any"),
     ("ProtectProc", "invisible"),
     ("ProcSubset", "pid"),
     ("ProtectClock", "yes"),
@@ -42,17 +39,41 @@ const WALLS: [(&str, &str); 14] = [
     ("SystemCallFilter", "~@privileged @keyring"),
 ];
 
+/// What of the network there is within.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Network {
+    /// Nothing.
+    None,
+    /// This machine's own addresses, where the page listens.
+    Loopback,
+}
+
+impl Network {
+    const fn families(self) -> &'static str {
+        match self {
+            Self::None => "AF_UNIX",
+            Self::Loopback => "AF_UNIX AF_INET AF_INET6",
+        }
+    }
+}
+
 /// Writes the sandbox of a unit. `files` are those it must be able to read: program, system file, map,
 /// controllers that are programs of their own.
-pub(super) fn write(unit: &mut Unit, user_unit: bool, files: &[&Path]) {
+pub(super) fn write(unit: &mut Unit, user_unit: bool, network: Network, files: &[&Path]) {
     unit.why("The sandbox. Real-time scheduling and shared memory of the same user must stay possible.");
     unit.set("RestrictRealtime", "no");
     unit.set("RemoveIPC", "no");
+    unit.set("RestrictAddressFamilies", network.families());
     for (key, value) in FILTERS {
         unit.set(key, value);
     }
     if user_unit {
         return;
+    }
+    unit.set("IPAddressDeny", "any");
+    match network {
+        Network::None => unit.set("PrivateNetwork", "yes"),
+        Network::Loopback => unit.set("IPAddressAllow", "localhost"),
     }
     for (key, value) in WALLS {
         unit.set(key, value);
@@ -71,7 +92,7 @@ mod tests {
     fn what_the_robot_reads_stays_in_sight() {
         let written = |user_unit, file: &str| {
             let mut unit = Unit::new("x.service".to_owned());
-            write(&mut unit, user_unit, &[Path::new("/usr/bin/hilare"), Path::new(file)]);
+            write(&mut unit, user_unit, Network::None, &[Path::new("/usr/bin/hilare"), Path::new(file)]);
             unit.text
         };
         for (file, home, temporary) in [
@@ -86,5 +107,21 @@ mod tests {
         }
         let text = written(true, "epuck");
         assert!(text.contains("NoNewPrivileges=yes") && !text.contains("ProtectSystem"), "{text}");
+    }
+
+    #[test]
+    fn a_page_has_the_loopback_and_nothing_else_has_any_network() {
+        let written = |network| {
+            let mut unit = Unit::new("x.service".to_owned());
+            write(&mut unit, false, network, &[]);
+            unit.text
+        };
+        let (none, loopback) = (written(Network::None), written(Network::Loopback));
+        assert!(
+            none.contains("\nPrivateNetwork=yes\n") && none.contains("\nRestrictAddressFamilies=AF_UNIX\n")
+        );
+        assert!(none.contains("\nIPAddressDeny=any\n") && loopback.contains("\nIPAddressDeny=any\n"));
+        assert!(loopback.contains("\nIPAddressAllow=localhost\n") && !loopback.contains("PrivateNetwork"));
+        assert!(loopback.contains("=AF_UNIX AF_INET AF_INET6\n") && !none.contains("AF_INET"));
     }
 }

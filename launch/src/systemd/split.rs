@@ -4,6 +4,7 @@
 //! the robot is up, and when everything is stopped it is launch that goes first and stops the robot, before
 //! any worker leaves.
 
+use super::sandbox::Network;
 use super::unit::{Unit, command_line};
 use super::{BAD_INPUT, MARGIN, Scope, Units, Wanted, head, launch, limits, oom, runtime_directory};
 use super::{sandbox, seconds};
@@ -68,7 +69,7 @@ fn launch_unit(wanted: &Wanted, main: &str, workers: &str) -> Result<Unit, Strin
     runtime_directory(&mut unit, wanted);
     limits(&mut unit, LAUNCH_PRIORITY);
     oom(&mut unit, wanted, Role::Launch);
-    sandbox::write(&mut unit, wanted.scope == Scope::User, &wanted.files());
+    sandbox::write(&mut unit, wanted.scope == Scope::User, Network::None, &wanted.files());
     Ok(unit)
 }
 
@@ -99,7 +100,9 @@ fn worker_unit(wanted: &Wanted, worker: &Worker, main: &str) -> Result<Unit, Str
     runtime_directory(&mut unit, wanted);
     scheduling(&mut unit, wanted, role);
     oom(&mut unit, wanted, role);
-    sandbox::write(&mut unit, wanted.scope == Scope::User, &wanted.files());
+    // The others keep their walls: it is the page alone that is asked from outside.
+    let network = if role == Role::Operator { Network::Loopback } else { Network::None };
+    sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     Ok(unit)
 }
 
