@@ -89,8 +89,21 @@ pub(super) static LISTEN: TextSpec = TextSpec {
     name: "listen",
     default: "",
     choices: Vec::new,
-    doc: "Address and port of the operator's page and its metrics, on this machine alone (127.0.0.1:7070); empty for none.",
+    doc: "Address and port of the operator's page and its metrics (127.0.0.1:7070); other machines reach it only at an address of theirs, and with a token; empty for none.",
 };
+
+/// What happens when the operator's page is lost.
+pub(super) static ON_LOST: TextSpec = TextSpec {
+    name: "on_lost",
+    default: GO_ON,
+    choices: || vec![GO_ON, STOP],
+    doc: "What an armed robot does when the last page that gave orders is gone for 2 s.",
+};
+
+/// The robot goes on.
+pub(super) const GO_ON: &str = "go_on";
+/// The robot stops.
+pub(super) const STOP: &str = "stop";
 
 /// Map to plan on.
 pub(super) static MAP: TextSpec = TextSpec {

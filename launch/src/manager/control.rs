@@ -32,6 +32,11 @@ pub enum Request {
     Status,
     /// The status, and what the processes measure of themselves.
     Measured,
+    /// The merged log.
+    Log {
+        /// How many of its lines are known already.
+        after: u64,
+    },
     /// Let commands act.
     Arm,
     /// Ramp to a stop and stay.
@@ -79,6 +84,9 @@ pub struct Response {
     /// What the processes measure, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Vec<super::measured::Measured>>,
+    /// Lines of the log, if that was asked for, and how many there are up to there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<(u64, Vec<crate::logging::Said>)>,
     /// A worker's place, if that was asked for: the arguments of `hilare service`. The page comes with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Vec<String>>,
@@ -94,7 +102,16 @@ impl Response {
     /// Done.
     pub fn done(message: impl Into<String>) -> Self {
         let message = message.into();
-        Self { ok: true, message, status: None, measured: None, place: None, later: false, wrong_use: false }
+        Self {
+            ok: true,
+            message,
+            status: None,
+            measured: None,
+            log: None,
+            place: None,
+            later: false,
+            wrong_use: false,
+        }
     }
 
     /// Not done, and why.

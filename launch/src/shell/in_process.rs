@@ -159,15 +159,26 @@ impl InProcess {
         statistics.figures()
     }
 
-    fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
+    /// Runs until arrival, `max_ticks` or until `push`, which sees every tick, says that it is enough.
+    pub fn run_watched(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>) -> bool) {
         while self.tick < max_ticks && self.tick() {
-            push(TickRecord {
+            let record = TickRecord {
                 steps: self.generator.state(),
                 pose: &self.pose,
                 truth: &self.observed.truth,
                 reference: &self.reference,
-            });
+            };
+            if !push(record) {
+                break;
+            }
         }
+    }
+
+    fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
+        self.run_watched(max_ticks, |tick| {
+            push(tick);
+            true
+        });
     }
 }
 

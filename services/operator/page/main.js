@@ -86,7 +86,7 @@ const heard = {
       const item = document.createElement("li");
       item.dataset.level = line.level;
       const when = document.createElement("time");
-      when.textContent = line.time;
+      when.textContent = clockTime(line.time);
       const level = document.createElement("b");
       level.textContent = line.level;
       const text = document.createElement("span");
@@ -98,6 +98,13 @@ const heard = {
     if (atEnd) box.scrollTop = box.scrollHeight;
   },
 };
+
+/** Time of day of a time in ms since 1970, to the millisecond. */
+function clockTime(ms) {
+  const at = new Date(ms);
+  const two = (n, digits = 2) => String(n).padStart(digits, "0");
+  return `${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}.${two(at.getMilliseconds(), 3)}`;
+}
 
 function rows(table, values, isBad = () => false) {
   const body = table.tBodies[0];
@@ -153,12 +160,16 @@ function showState(s) {
   const [state, text] = stateOf(s);
   document.body.dataset.state = state;
   put("state-text", text);
-  const why = s.fault ?? s.halted ?? (state === "estop" ? "Emergency stop: nothing moves until Reset, then Arm." : null);
+  const why = s.fault ?? s.halted ?? (s.gone ? "The robot has ended, or its launch does not answer; its log says why." : null) ?? (state === "estop" ? "Emergency stop: nothing moves until Reset, then Arm." : null);
   $("fault").hidden = !why;
   if (why) put("fault", why);
   put("waypoint", s.waypoints ? `${s.waypoint} of ${s.waypoints - 1}` : "no path");
   put("time", `${s.time_s.toFixed(1)} s`);
-  if (document.activeElement !== $("law") && s.law && !$("law").disabled) $("law").value = s.law;
+  if (document.activeElement !== $("law") && s.law && !$("law").disabled) {
+    // A program of its own may drive, which cannot be chosen here.
+    if (![...$("law").options].some((option) => option.value === s.law)) $("law").add(Object.assign(new Option(s.law, s.law), { disabled: true }));
+    $("law").value = s.law;
+  }
   $("arm").disabled = s.mode === "armed" || s.mode === "e-stop";
   $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
   $("pause").disabled = !["driving", "stopped"].includes(state);
@@ -206,7 +217,8 @@ const link = new Link(
   (state) => {
     document.body.dataset.link = state;
     put("link", state === "open" ? "connected" : "lost, trying again");
-    if (state === "lost") put("state-text", "NO CONNECTION");
+    // A robot that has said that it goes down, and why, is not merely out of reach.
+    if (state === "lost") put("state-text", last?.gone ? "ROBOT IS DOWN" : "NO CONNECTION");
     else if (last) showState(last);
   },
 );
