@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Longest drive that is looked at.
 const TICKS_MAX: Tick = 1_800_000;
 /// Longest time it may take here.
-const PATIENCE: Duration = Duration::from_secs(8);
+const PATIENCE: Duration = Duration::from_secs(4);
 /// Ticks between two looks at the time.
 const LOOK: Tick = 512;
 

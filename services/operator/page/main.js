@@ -153,7 +153,8 @@ function stateOf(s) {
   if (s.mode !== "armed") return ["unknown", s.mode.toUpperCase()];
   if (s.path_state === "arrived") return ["arrived", "ARRIVED"];
   if (s.path_state !== "tracking") return ["ready", "ARMED, NO PATH"];
-  return s.drive === "driving" ? ["driving", "DRIVING"] : ["stopped", s.drive.toUpperCase()];
+  // A command that came late is no stop yet.
+  return ["driving", "holding the last command"].includes(s.drive) ? ["driving", "DRIVING"] : ["stopped", s.drive.toUpperCase()];
 }
 
 function showState(s) {

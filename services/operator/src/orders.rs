@@ -5,11 +5,13 @@
 
 use crate::Source;
 use crate::message::{Answer, Order, parse};
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
+use tokio::time::sleep;
 
 /// Stops on their way at once.
 const STOPS: usize = 8;
@@ -26,6 +28,8 @@ pub const THREADS: usize = STOPS + QUICK + SLOW + QUESTIONS + READING;
 
 /// Messages longer than that are not read beside the others.
 const LONG: usize = 16 << 10;
+/// Time between two looks whether somebody still waits for an answer.
+const LOOK: Duration = Duration::from_millis(20);
 /// A newer one came.
 const OVERTAKEN: &str = "overtaken by a newer one";
 
@@ -60,7 +64,17 @@ impl Desk {
             Order::Predict(_) | Order::Roadmap => &self.questions,
             Order::Swap(_) | Order::Follow(_) | Order::Goal(_) => &self.slow,
         };
-        let permit = Arc::clone(room).acquire_owned().await;
+        let mut turn = pin!(Arc::clone(room).acquire_owned());
+        let permit = loop {
+            tokio::select! {
+                biased;
+                permit = &mut turn => break permit,
+                () = sleep(LOOK) => {}
+            }
+            if cancelled.load(Ordering::Relaxed) {
+                return Answer::refused(OVERTAKEN);
+            }
+        };
         if cancelled.load(Ordering::Relaxed) {
             return Answer::refused(OVERTAKEN);
         }
