@@ -6,8 +6,8 @@ mod recent;
 
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use outlet::Outlet;
-pub use recent::Said;
 use recent::Recent;
+pub use recent::Said;
 use rustix::time::{ClockId, clock_gettime};
 use std::fmt;
 use std::fs::File;

@@ -33,7 +33,7 @@ await inBrowser(async (page) => {
     await page.keyboard.press("Tab");
     seen.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.tool));
   }
-  for (const id of ["stop", "run", "estop", "law", "draw", "import", "map", "log-lines"]) {
+  for (const id of ["stop", "arm", "estop", "law", "draw", "import", "map", "log-lines"]) {
     assert(seen.has(id), `${id} is not reached by Tab: ${[...seen]}`);
   }
   // A path by keys alone.

@@ -30,8 +30,10 @@ await inBrowser(async (page) => {
   await page.click("#run");
   await state(page, "driving");
   await until("on its way", (status) => status.path_state === "tracking" && status.waypoints === so.length);
+  await until("half-way", (status) => status.waypoint >= 20);
   await picture(page, "driving");
-  await state(page, "arrived");
+  // At 40 mm/s it takes a minute.
+  await state(page, "arrived", 180_000);
   const { pose } = await until("arrived", (status) => status.path_state === "arrived");
   const [lx, ly] = points[points.length - 1];
   assert(Math.hypot(pose[0] - lx, pose[1] - ly) < 0.03, `it ended at ${pose}, not at ${lx}, ${ly}`);

@@ -20,7 +20,7 @@ await inBrowser(async (page) => {
   await state(page, "stopped");
   await page.waitForSelector("#fault:not([hidden])");
   const why = await page.textContent("#fault");
-  assert(why.includes("controller") && why.includes("SIGKILL"), `the reason is shown: ${why}`);
+  assert(why.includes("controller") && why.includes("signal 9"), `the reason is shown: ${why}`);
   await until("with another controller", ({ processes }) => processes.some((one) => one.name === "controller" && one.restarts === 1 && one.state === "running"));
   await page.click("#pause");
   await state(page, "driving");

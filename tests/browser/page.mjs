@@ -50,8 +50,8 @@ export async function sound(page) {
   if (page.troubles.length) throw new Error(`on the console: ${page.troubles.join("; ")}`);
 }
 
-export async function state(page, wanted) {
-  await page.waitForSelector(`body[data-state=${wanted}]`);
+export async function state(page, wanted, patience = PATIENCE_MS) {
+  await page.waitForSelector(`body[data-state=${wanted}]`, { timeout: patience });
 }
 
 /** A hilare command about the robot; its standard output. */
@@ -61,7 +61,9 @@ export async function ask(...args) {
 }
 
 export async function status() {
-  return JSON.parse(await ask("status", "--json"));
+  // A robot with a fault is a status, too, if not a good one.
+  const said = await ask("status", "--json").catch((error) => (error.code === 1 && error.stdout ? error.stdout : Promise.reject(error)));
+  return JSON.parse(said);
 }
 
 /** Waits until the robot's own status is as `wanted`. */
@@ -79,7 +81,7 @@ export async function until(what, wanted) {
 export function listen(topic) {
   const child = spawn(hilare, ["topic", "echo", topic, "--all", "--json", "--robot", robot], { stdio: ["ignore", "pipe", "inherit"] });
   const messages = [];
-  createInterface({ input: child.stdout }).on("line", (line) => messages.push(JSON.parse(line)));
+  createInterface({ input: child.stdout }).on("line", (line) => messages.push({ at: Date.now(), ...JSON.parse(line) }));
   const ended = new Promise((done) => child.on("close", done));
   return {
     messages,

@@ -11,6 +11,7 @@ use crate::report::write_file;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, IsTerminal};
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tracing::Level;
@@ -33,6 +34,9 @@ pub struct LatencyArgs {
     /// By turns let as many observers come and go every 0.1 s, and show what that costs the tick
     #[arg(long, value_name = "N", default_value_t = 0)]
     observers: usize,
+    /// By turns let as many pages come that misbehave, and show what that costs the tick
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "observers")]
+    pages: usize,
     /// Without the recorder that every run has
     #[arg(long)]
     no_recorder: bool,
@@ -61,10 +65,17 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     if args.observers > MOST_OBSERVERS {
         return Err(refused(format!("--observers {}: 0 to {MOST_OBSERVERS} are wanted", args.observers)));
     }
+    if args.pages > MOST_OBSERVERS {
+        return Err(refused(format!("--pages {}: 0 to {MOST_OBSERVERS} are wanted", args.pages)));
+    }
     let mut system = System::load(&args.system).map_err(refused)?;
     system.set_all(&args.set).map_err(refused)?;
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
+    }
+    if args.pages > 0 && system.listen.is_empty() {
+        let port = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr());
+        system.listen = port.map_err(|e| Failure::Fault(format!("no port for the page: {e}")))?.to_string();
     }
     if let Some(dir) = &args.out {
         std::fs::create_dir_all(dir).map_err(|e| {
@@ -80,7 +91,8 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
         system,
         seconds: args.seconds,
         load: args.load,
-        observers: args.observers,
+        observers: args.observers.max(args.pages),
+        visitors: args.pages > 0,
         record: !args.no_recorder,
     };
     let measured = measure(&what, claim, &log, |passed| bar.set_position(passed.as_secs()));

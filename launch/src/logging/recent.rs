@@ -69,7 +69,11 @@ mod tests {
         let mut recent = Recent::default();
         assert_eq!(recent.since(0), (0, Vec::new()));
         recent.add("     1234.000005 WARN  plant: it slips: \"much\"");
-        let said = Said { at_s: 1234.000005, level: "WARN".to_owned(), text: "plant: it slips: \"much\"".to_owned() };
+        let said = Said {
+            at_s: 1234.000005,
+            level: "WARN".to_owned(),
+            text: "plant: it slips: \"much\"".to_owned(),
+        };
         assert_eq!(recent.since(0), (1, vec![said]));
         assert_eq!(recent.since(1), (1, Vec::new()));
         (0..5000).for_each(|n| recent.add(&format!("5.0 INFO  relay: {n} {}", "\"".repeat(5000))));
@@ -84,6 +88,10 @@ mod tests {
         }
         assert_eq!((at, all.len()), (5001, LINES));
         assert!(all[0].text.starts_with("relay: 4000 ") && all[LINES - 1].text.starts_with("relay: 4999 "));
-        assert_eq!(recent.since(9999).1.first(), all.first(), "a launch that began anew is heard from its beginning");
+        assert_eq!(
+            recent.since(9999).1.first(),
+            all.first(),
+            "a launch that began anew is heard from its beginning"
+        );
     }
 }

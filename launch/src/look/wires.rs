@@ -5,7 +5,8 @@ use crate::shell::transport::{Domain, Input, SliceInput, TransportError};
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{
-    Authority, Command, MAX_WAYPOINTS, PathHeader, Pose, PoseFix, Reference, ReferenceState, Steps, Truth, Waypoint, Wheels,
+    Authority, Command, MAX_WAYPOINTS, PathHeader, Pose, PoseFix, Reference, ReferenceState, Steps, Truth,
+    Waypoint, Wheels,
 };
 use hilare_interfaces::wires::{Role, watch};
 use std::fmt;

@@ -22,9 +22,7 @@ impl Manager {
                 measured: Some(self.measured()),
                 ..Response::done("")
             },
-            Request::Log { after } => {
-                Response { log: Some(self.log.since(after)), ..Response::done("") }
-            }
+            Request::Log { after } => Response { log: Some(self.log.since(after)), ..Response::done("") },
             Request::Arm if !self.up => Response::refused("the robot is still starting"),
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),

@@ -92,7 +92,10 @@ mod tests {
         assert!(obstacles.len() > 3 && obstacles.iter().any(|one| one["disc"].is_array()), "{value}");
         let inside = |x: f64, y: f64| {
             let edge = |key: &str| value["map"][key].as_f64().expect("an edge");
-            x >= edge("x0") - 1e-9 && x <= edge("x1") + 1e-9 && y >= edge("y0") - 1e-9 && y <= edge("y1") + 1e-9
+            x >= edge("x0") - 1e-9
+                && x <= edge("x1") + 1e-9
+                && y >= edge("y0") - 1e-9
+                && y <= edge("y1") + 1e-9
         };
         for one in obstacles.iter().filter_map(|one| one["polygon"].as_array()).flatten() {
             assert!(inside(one[0].as_f64().expect("x"), one[1].as_f64().expect("y")), "{one}");

@@ -15,8 +15,8 @@ mod orders;
 pub mod port;
 mod predict;
 mod roadmap;
-mod told;
 pub mod token;
+mod told;
 
 use crate::look::Told;
 use crate::look::usage::Usage;

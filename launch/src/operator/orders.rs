@@ -34,7 +34,12 @@ pub fn carry_out(shared: &Shared, order: &Order, cancelled: &AtomicBool) -> Answ
             }),
     };
     // They come from anywhere.
-    Answer { message: crate::logging::plain(&answer.message), ..answer }
+    Answer { message: for_page(&answer.message), ..answer }
+}
+
+/// Words of launch for somebody with buttons instead of a command line, without what a terminal would obey.
+pub fn for_page(text: &str) -> String {
+    crate::logging::plain(text).replace("hilare arm", "Arm").replace("hilare reset", "Reset")
 }
 
 /// The system in force.

@@ -135,7 +135,8 @@ mod tests {
     #[test]
     fn who_is_at_the_other_end_is_known_until_it_is_closed() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let stream = std::net::TcpStream::connect(listener.local_addr().expect("its address")).expect("connected");
+        let stream =
+            std::net::TcpStream::connect(listener.local_addr().expect("its address")).expect("connected");
         let (accepted, peer) = listener.accept().expect("it came");
         let own = accepted.local_addr().expect("its address");
         assert!(is_ours(peer, own) && !is_ours(own, listener.local_addr().expect("its address")));

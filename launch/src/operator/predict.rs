@@ -70,7 +70,8 @@ pub fn predict(
         if reference.state == ReferenceState::Tracking.code() {
             let at = tick.truth.pose().position();
             let segment = reference.segment();
-            let aside_m = if segment.is_line() { segment.cross_track_m(at) } else { segment.nearest(at).cross_track_m };
+            let aside_m =
+                if segment.is_line() { segment.cross_track_m(at) } else { segment.nearest(at).cross_track_m };
             let place = before.and_then(|before| (reference.index as usize).checked_sub(before));
             // On the way to the first waypoint it follows no segment of this path.
             let place = place.filter(|place| *place > 0);
@@ -104,7 +105,8 @@ mod tests {
         let scenario = Scenario::load("so").expect("built in");
         let Task::Follow(waypoints) = &scenario.task else { panic!("it has a path") };
         let told = predict(&scenario.system, waypoints, None, &GO_ON).expect("it can be driven");
-        let figures = InProcess::new(&scenario.system, waypoints).expect("a robot").run(500_000).statistics.figures();
+        let figures =
+            InProcess::new(&scenario.system, waypoints).expect("a robot").run(500_000).statistics.figures();
         assert!(told.reached && figures.reached);
         assert_eq!((told.mean_m, told.max_m), (figures.cross_track_mean_m, figures.cross_track_max_m));
         assert_eq!(told.cross_track_max_m.len(), waypoints.len());
@@ -132,7 +134,11 @@ mod tests {
         let system = System::default();
         let refused = |points: &[Waypoint]| predict(&system, points, None, &GO_ON).expect_err("refused");
         let sideways = Waypoint { crab_rad: 0.5, ..Waypoint::straight(1.0, 0.0) };
-        assert!(refused(&[Waypoint::straight(0.0, 0.0), sideways]).contains("sideways"), "{}", refused(&[Waypoint::straight(0.0, 0.0), sideways]));
+        assert!(
+            refused(&[Waypoint::straight(0.0, 0.0), sideways]).contains("sideways"),
+            "{}",
+            refused(&[Waypoint::straight(0.0, 0.0), sideways])
+        );
         assert!(!refused(&[]).is_empty());
         let far = [Waypoint::straight(0.0, 0.0), Waypoint::straight(5000.0, 0.0)];
         let told = predict(&system, &far, None, &AtomicBool::new(true)).expect("it ends");

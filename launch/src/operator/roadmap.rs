@@ -25,7 +25,8 @@ impl Budget for Patience<'_> {
 /// Both ends of every edge that is free, m: x0, y0, x1, y1; or why there is none.
 pub fn roadmap(system: &System, cancelled: &AtomicBool) -> Result<Vec<Vec<f64>>, String> {
     let mut navigator = build::navigator(system)?;
-    let planner = navigator.planner_mut().ok_or("the robot has no map; planner.map in its system file names one")?;
+    let planner =
+        navigator.planner_mut().ok_or("the robot has no map; planner.map in its system file names one")?;
     planner.complete_roadmap(&mut Patience { until: Instant::now() + PATIENCE, cancelled });
     let free = planner.roadmap_edges().filter(|(.., free)| *free).take(EDGES_MAX);
     Ok(free.map(|(a, b, _)| [a.x_m, a.y_m, b.x_m, b.y_m].map(tenths_of_mm).to_vec()).collect())

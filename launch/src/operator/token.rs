@@ -54,7 +54,11 @@ pub fn url(listen: &str, token: Option<&str>) -> String {
 pub fn machine() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let name = name.trim();
-    if name.chars().all(|c| c.is_ascii_alphanumeric() || ".-".contains(c)) { name.to_owned() } else { String::new() }
+    if name.chars().all(|c| c.is_ascii_alphanumeric() || ".-".contains(c)) {
+        name.to_owned()
+    } else {
+        String::new()
+    }
 }
 
 #[cfg(test)]

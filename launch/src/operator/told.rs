@@ -1,6 +1,7 @@
 //! What launch says, four times a second: status, measurements, log.
 
 use super::hello::hello;
+use super::orders::for_page;
 use super::{Shared, lock};
 use crate::config::System;
 use crate::look::Told;
@@ -65,7 +66,8 @@ impl Slow {
         };
         self.law = named(&|one| one.authority);
         self.standby = named(&|one| one.state == "standby" && !one.authority);
-        let (fault, halted) = if status.halted { (None, status.fault.clone()) } else { (status.fault.clone(), None) };
+        let why = status.fault.as_deref().map(for_page);
+        let (fault, halted) = if status.halted { (None, why) } else { (why, None) };
         (self.fault, self.halted) = (fault, halted);
         (self.mode, self.system) = (status.mode.clone(), status.system);
         self.answered = Instant::now();

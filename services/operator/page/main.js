@@ -8,7 +8,9 @@ import { Bars, Strip, lineSample } from "./plots.js";
 import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
-const mm = (metres, digits = 1) => (metres == null || !Number.isFinite(metres) ? "–" : (metres * 1e3).toFixed(digits));
+// Without the minus of what is rounded to nothing.
+const fixed = (value, digits) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
+const mm = (metres, digits = 1) => (metres == null || !Number.isFinite(metres) ? "–" : fixed(metres * 1e3, digits));
 const LOG_MAX = 1000;
 
 const path = new DrawnPath(() => drawn());
@@ -28,6 +30,7 @@ let hello = null;
 let last = null;
 let fitted = false;
 let roadmapOf = null;
+let sending = false;
 
 // ---- what the robot says
 
@@ -52,7 +55,8 @@ const heard = {
   },
   path(message) {
     picture.active = message.waypoints.length ? message : null;
-    if (picture.active && !path.unsent) path.replace(message.waypoints, false);
+    // What was sent comes back as it is driven: perhaps with the way to its beginning.
+    if (picture.active && (!path.unsent || sending)) path.replace(message.waypoints, false);
     fitOnce();
     drawn();
   },
@@ -178,11 +182,11 @@ function showState(s) {
   $("run").disabled = s.mode === "e-stop" || (path.points.length < 2 && s.path_state === "idle");
   numbers([
     ["Pose x, y", s.pose ? `${mm(s.pose.x, 0)}, ${mm(s.pose.y, 0)} mm` : "–"],
-    ["Heading", s.pose ? `${((s.pose.theta * 180) / Math.PI).toFixed(1)} °` : "–"],
+    ["Heading", s.pose ? `${fixed((s.pose.theta * 180) / Math.PI, 1)} °` : "–"],
     ["Speed", `${mm(s.speed_mps)} mm/s`],
-    ["Yaw rate", `${s.omega_radps.toFixed(2)} rad/s`],
-    ["Cross-track, estimate", `${mm(s.cross_track_m)} mm`],
-    ["Cross-track, truth", s.truth ? `${mm(s.cross_track_truth_m)} mm` : "no truth here"],
+    ["Yaw rate", `${fixed(s.omega_radps, 2)} rad/s`],
+    ["Cross-track, estimate", s.cross_track_m == null ? "–" : `${mm(s.cross_track_m)} mm`],
+    ["Cross-track, truth", s.cross_track_truth_m == null ? "–" : `${mm(s.cross_track_truth_m)} mm`],
     ["In charge", s.law ? `${s.law}${s.standby ? `, ${s.standby} stands by` : ""}` : "nobody"],
     ["Commands late, refused", `${s.commands_late}, ${s.commands_rejected}`],
     ["Cycles without command", `${s.cycles_without_command}`],
@@ -244,7 +248,9 @@ async function stop(what) {
 
 async function run() {
   if (path.unsent && path.points.length > 1) {
+    sending = true;
     const answer = await order("follow", { waypoints: path.points });
+    sending = false;
     if (!answer.ok) return;
     path.unsent = false;
     path.selected = -1;

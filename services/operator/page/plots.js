@@ -100,7 +100,7 @@ export class Strip {
   draw() {
     this.newest.forEach((place, i) => {
       const value = this.data[i + 1].at(-1);
-      place.textContent = value == null ? "–" : value.toFixed(1);
+      place.textContent = value == null ? "–" : value.toFixed(1).replace(/^-0\.0$/, "0.0");
     });
     this.plot.setData(this.data);
   }

@@ -145,7 +145,9 @@ mod tests {
     #[test]
     fn no_other_site_is_the_page() {
         let host = "127.0.0.1:7070";
-        assert!(is_same_origin("http://127.0.0.1:7070", host) && is_same_origin("https://127.0.0.1:7070", host));
+        assert!(
+            is_same_origin("http://127.0.0.1:7070", host) && is_same_origin("https://127.0.0.1:7070", host)
+        );
         for origin in [
             "null",
             "",

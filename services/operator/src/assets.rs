@@ -42,7 +42,8 @@ mod tests {
 
     #[test]
     fn whatever_the_page_asks_for_is_there() {
-        let all: Vec<&str> = ASSETS.iter().filter_map(|asset| std::str::from_utf8(asset.bytes).ok()).collect();
+        let all: Vec<&str> =
+            ASSETS.iter().filter_map(|asset| std::str::from_utf8(asset.bytes).ok()).collect();
         let page = all[0];
         let named = page.split(['"', '\'']).filter(|word| word.ends_with(".js") || word.ends_with(".css"));
         let imported = all.iter().flat_map(|text| text.split('"')).filter_map(|word| word.strip_prefix("./"));

@@ -159,7 +159,8 @@ impl Live {
     pub fn unseen(&self, seen: &mut Seen) -> Vec<Utf8Bytes> {
         let known = self.known();
         let mut messages = Vec::new();
-        let Some(hello) = known.hello.unseen(&mut seen.hello).or((seen.hello > 0).then(Utf8Bytes::default)) else {
+        let Some(hello) = known.hello.unseen(&mut seen.hello).or((seen.hello > 0).then(Utf8Bytes::default))
+        else {
             // Nothing can be shown before it.
             return messages;
         };
@@ -242,7 +243,8 @@ mod tests {
         let mut seen = Seen::default();
         let mut texts = Vec::new();
         let messages = live.unseen(&mut seen);
-        let trail: Value = serde_json::from_str(&messages[1 + usize::from(types(&messages)[1] == "path")]).expect("JSON");
+        let trail: Value =
+            serde_json::from_str(&messages[1 + usize::from(types(&messages)[1] == "path")]).expect("JSON");
         let points = trail["estimate"].as_array().expect("points").len();
         assert!((TRAIL_MAX / 4..=TRAIL_MAX).contains(&points), "{points} points");
         assert_eq!(trail["estimate"][0][0], 0.0);

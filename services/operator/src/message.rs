@@ -288,9 +288,15 @@ mod tests {
         let state = State { pose: Place::of([1.0, 2.0, 3.0]), ..State::default() };
         let text = frame("state", &state);
         let value: Value = serde_json::from_str(&text).expect("JSON");
-        assert_eq!((&value["type"], &value["pose"]["y"], &value["truth"]), (&json!("state"), &json!(2.0), &Value::Null));
+        assert_eq!(
+            (&value["type"], &value["pose"]["y"], &value["truth"]),
+            (&json!("state"), &json!(2.0), &Value::Null)
+        );
         let answer = Answer::refused("no \"map\"\n").with("edges", vec![1, 2]).frame(None);
         let value: Value = serde_json::from_str(&answer).expect("JSON");
-        assert_eq!((&value["id"], &value["ok"], &value["edges"][1]), (&Value::Null, &json!(false), &json!(2)));
+        assert_eq!(
+            (&value["id"], &value["ok"], &value["edges"][1]),
+            (&Value::Null, &json!(false), &json!(2))
+        );
     }
 }

@@ -88,7 +88,10 @@ impl Desk {
     }
 
     /// What a message asks for.
-    pub async fn read(&self, text: impl AsRef<str> + Send + 'static) -> Result<(u64, Order), (Option<u64>, String)> {
+    pub async fn read(
+        &self,
+        text: impl AsRef<str> + Send + 'static,
+    ) -> Result<(u64, Order), (Option<u64>, String)> {
         if text.as_ref().len() <= LONG {
             return parse(text.as_ref());
         }

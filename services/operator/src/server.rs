@@ -126,9 +126,8 @@ pub fn serve(listener: std::net::TcpListener, source: Arc<dyn Source>, rules: Ru
             tokio::spawn(presence.stop_when_lost(Arc::clone(&source), Arc::clone(&desks.desk)));
         }
         let pages = pages(Arc::new(desks), Arc::new(rules));
-        let closed = Router::new().fallback(|| async {
-            (StatusCode::FORBIDDEN, "hilare: this robot is another user's\n")
-        });
+        let closed = Router::new()
+            .fallback(|| async { (StatusCode::FORBIDDEN, "hilare: this robot is another user's\n") });
         let mut connections: VecDeque<AbortHandle> = VecDeque::new();
         loop {
             let Ok((stream, peer)) = listener.accept().await else {
@@ -216,7 +215,10 @@ fn refusal(rules: &Rules, headers: &HeaderMap, uri: &Uri) -> Option<(StatusCode,
     let said = said.iter().find_map(|said| said.strip_prefix("Bearer "));
     let asked = uri.query().unwrap_or_default().split('&').find_map(|pair| pair.strip_prefix("token="));
     let known = said.or(asked).is_some_and(|token| same_secret(token, wanted));
-    (!known).then_some((StatusCode::UNAUTHORIZED, "the token is wanted: open the address that hilare status shows"))
+    (!known).then_some((
+        StatusCode::UNAUTHORIZED,
+        "the token is wanted: open the address that hilare status shows",
+    ))
 }
 
 async fn metrics(State(desks): State<Arc<Desks>>, request: Request<Body>) -> Response {
@@ -230,16 +232,15 @@ async fn metrics(State(desks): State<Arc<Desks>>, request: Request<Body>) -> Res
 
 async fn socket(State(desks): State<Arc<Desks>>, upgrade: WebSocketUpgrade) -> Response {
     let Some(visit) = desks.presence.enter() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n").into_response();
+        return (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n")
+            .into_response();
     };
     upgrade
         .max_message_size(MAX_MESSAGE)
         .max_frame_size(MAX_MESSAGE)
         .read_buffer_size(16 << 10)
         .write_buffer_size(0)
-        .on_upgrade(move |socket| {
-            converse(socket, Arc::clone(&desks.source), Arc::clone(&desks.desk), visit)
-        })
+        .on_upgrade(move |socket| converse(socket, Arc::clone(&desks.source), Arc::clone(&desks.desk), visit))
 }
 
 /// A stop beside the WebSocket, for a page whose socket hangs.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
-use tokio::sync::{Mutex, Semaphore};
+use tokio::sync::{Mutex, OwnedMutexGuard, Semaphore};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Time between two looks for what has changed: 30 a second.
@@ -48,7 +48,11 @@ pub async fn converse(socket: WebSocket, source: Arc<dyn Source>, desk: Arc<Desk
 }
 
 /// Tells what changes, and the answers first.
-async fn tell(mut sink: SplitSink<WebSocket, Message>, source: Arc<dyn Source>, mut answers: Receiver<Utf8Bytes>) {
+async fn tell(
+    mut sink: SplitSink<WebSocket, Message>,
+    source: Arc<dyn Source>,
+    mut answers: Receiver<Utf8Bytes>,
+) {
     let mut seen = Seen::default();
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -122,7 +126,9 @@ impl Ear {
             let wait = self.bytes.owe(length as f64, now).max(self.messages.owe(1.0, now));
             match message {
                 Message::Text(text) => self.take(text, visit).await,
-                Message::Binary(_) => self.answer(None, Answer::refused("binary frames say nothing here; JSON does")).await,
+                Message::Binary(_) => {
+                    self.answer(None, Answer::refused("binary frames say nothing here; JSON does")).await
+                }
                 _ => {}
             }
             if !wait.is_zero() {
@@ -164,21 +170,12 @@ impl Ear {
             Some(Arc::clone(&self.under_way).try_acquire_owned().map_err(|_| BUSY)?)
         };
         let cancelled = Arc::new(AtomicBool::new(false));
-        let turn = order.is_slow().then(|| Arc::clone(&self.turn));
-        if let Some(turn) = &turn {
-            let (newest, is_question) = &self.newest;
-            if turn.try_lock().is_err() {
-                if !is_question {
-                    return Err(BUSY);
-                }
-                newest.store(true, Ordering::Relaxed);
-            }
-            self.newest = (Arc::clone(&cancelled), order.is_question());
-        }
+        let turn = if order.is_slow() { Some(self.turn_of(&order, &cancelled).ok_or(BUSY)?) } else { None };
         let (desk, answers) = (Arc::clone(&self.desk), self.answers.clone());
         tokio::spawn(async move {
-            let held = match &turn {
-                Some(turn) => Some(turn.lock().await),
+            let held = match turn {
+                Some(Turn::Now(held)) => Some(held),
+                Some(Turn::Next(turn)) => Some(turn.lock_owned().await),
                 None => None,
             };
             let answer = desk.carry_out(order, cancelled).await;
@@ -188,6 +185,26 @@ impl Ear {
         });
         Ok(())
     }
+
+    /// The turn of a slow order: at once, or next if only a question is before it, which ends then.
+    fn turn_of(&mut self, order: &Order, cancelled: &Arc<AtomicBool>) -> Option<Turn> {
+        let turn = match Arc::clone(&self.turn).try_lock_owned() {
+            Ok(held) => Turn::Now(held),
+            Err(_) if self.newest.1 => {
+                self.newest.0.store(true, Ordering::Relaxed);
+                Turn::Next(Arc::clone(&self.turn))
+            }
+            Err(_) => return None,
+        };
+        self.newest = (Arc::clone(cancelled), order.is_question());
+        Some(turn)
+    }
+}
+
+/// When a slow order is carried out.
+enum Turn {
+    Now(OwnedMutexGuard<()>),
+    Next(Arc<Mutex<()>>),
 }
 
 impl Drop for Ear {

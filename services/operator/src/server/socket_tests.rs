@@ -5,9 +5,14 @@ use serde_json::{Value, json};
 use std::net::TcpStream;
 
 const PATIENCE: Duration = Duration::from_secs(30);
+const PING: u8 = 9;
+const PONG: u8 = 10;
 
 /// A page of the test: frames by hand, so that what no browser would send can be sent.
-struct Client(TcpStream);
+struct Client {
+    stream: TcpStream,
+    answers_pings: bool,
+}
 
 impl Client {
     /// Asks for a WebSocket; the answer's head if there is none.
@@ -25,7 +30,11 @@ impl Client {
             answer.push(byte[0]);
         }
         let answer = String::from_utf8_lossy(&answer).into_owned();
-        if answer.starts_with("HTTP/1.1 101 ") { Ok(Self(stream)) } else { Err(answer) }
+        if answer.starts_with("HTTP/1.1 101 ") {
+            Ok(Self { stream, answers_pings: true })
+        } else {
+            Err(answer)
+        }
     }
 
     fn open(address: SocketAddr) -> Self {
@@ -48,7 +57,7 @@ impl Client {
         // Masked with nothing.
         frame.extend([0; 4]);
         frame.extend(payload);
-        self.0.write_all(&frame)
+        self.stream.write_all(&frame)
     }
 
     fn order(&mut self, order: &Value) {
@@ -58,17 +67,21 @@ impl Client {
     /// The next frame; `None` at the end.
     fn frame(&mut self) -> Option<(u8, Vec<u8>)> {
         let mut head = [0; 2];
-        self.0.read_exact(&mut head).ok()?;
+        self.stream.read_exact(&mut head).ok()?;
         let mut bytes = |count: usize| {
             let mut bytes = vec![0; count];
-            self.0.read_exact(&mut bytes).ok().map(|()| bytes)
+            self.stream.read_exact(&mut bytes).ok().map(|()| bytes)
         };
         let length = match head[1] {
             126 => bytes(2)?.iter().fold(0, |length, byte| length << 8 | *byte as usize),
             127 => bytes(8)?.iter().fold(0, |length, byte| length << 8 | *byte as usize),
             short => short as usize,
         };
-        Some((head[0] & 0xf, bytes(length)?))
+        let (opcode, payload) = (head[0] & 0xf, bytes(length)?);
+        if opcode == PING && self.answers_pings {
+            self.send(PONG, &payload).ok()?;
+        }
+        Some((opcode, payload))
     }
 
     /// The next message of a type.
@@ -168,8 +181,12 @@ fn no_other_site_and_no_stranger_speaks_to_the_robot() {
         ("evil.example".to_owned(), "http://evil.example".to_owned(), "403"),
     ] {
         for request in [
-            format!("GET /ws HTTP/1.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nHost: {host}\r\nOrigin: {origin}\r\n\r\n"),
-            format!("POST /api/stop HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{{}}"),
+            format!(
+                "GET /ws HTTP/1.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nHost: {host}\r\nOrigin: {origin}\r\n\r\n"
+            ),
+            format!(
+                "POST /api/stop HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{{}}"
+            ),
             format!("GET /metrics HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\n\r\n"),
         ] {
             let got = answer(address, &request);
@@ -179,7 +196,12 @@ fn no_other_site_and_no_stranger_speaks_to_the_robot() {
     assert!(source.orders.lock().expect("orders").is_empty());
     let post = |path: &str, kind: &str, body: &str| {
         let length = body.len();
-        answer(address, format!("POST {path} HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\r\n{body}"))
+        answer(
+            address,
+            format!(
+                "POST {path} HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\r\n{body}"
+            ),
+        )
     };
     assert!(post("/api/stop", "text/plain", "{}").starts_with("HTTP/1.1 400 "));
     assert!(post("/api/stop", "application/json", "{\"now\":1}").starts_with("HTTP/1.1 400 "));
@@ -202,7 +224,13 @@ fn where_a_token_is_wanted_nothing_but_the_files_is_had_without() {
     let (address, source) = begin(Counted::default(), rules);
     source.live.set_hello(&json!({}));
     assert!(get(address, "/", "Host: localhost\r\n").starts_with("HTTP/1.1 200 "));
-    for (path, header) in [("/metrics", ""), ("/metrics?token=", ""), ("/metrics?token=5ec7e", ""), ("/metrics?x=5ec7e7", ""), ("/metrics", "Authorization: Bearer 5ec7e8\r\n")] {
+    for (path, header) in [
+        ("/metrics", ""),
+        ("/metrics?token=", ""),
+        ("/metrics?token=5ec7e", ""),
+        ("/metrics?x=5ec7e7", ""),
+        ("/metrics", "Authorization: Bearer 5ec7e8\r\n"),
+    ] {
         let got = get(address, path, &format!("Host: localhost\r\n{header}"));
         assert!(got.starts_with("HTTP/1.1 401 ") && !got.contains("5ec7"), "{path} {header}: {got}");
     }
@@ -226,12 +254,13 @@ fn hostile_pages_keep_neither_a_page_from_its_robot_nor_a_stop_from_its_way() {
     let garbage = vec![b'x'; 1 << 20];
     for n in 0..100 {
         let mut client = Client::open(address);
-        client.0.set_write_timeout(Some(Duration::from_millis(100))).expect("a time-out");
+        client.stream.set_write_timeout(Some(Duration::from_millis(100))).expect("a time-out");
         match n % 4 {
             0 => drop(client.send(1, &garbage)),
             1 => drop(client.send(2, &garbage)),
-            2 => drop(client.0.write_all(&[0x81, 0xff, 0, 0, 0, 0, 0xff])),
-            _ => (0..500).for_each(|id| drop(client.send(1, json!({ "id": id, "do": "arm" }).to_string().as_bytes()))),
+            2 => drop(client.stream.write_all(&[0x81, 0xff, 0, 0, 0, 0, 0xff])),
+            _ => (0..500)
+                .for_each(|id| drop(client.send(1, json!({ "id": id, "do": "arm" }).to_string().as_bytes()))),
         }
         crowd.push(client);
         if n % 10 == 0 {
@@ -244,7 +273,7 @@ fn hostile_pages_keep_neither_a_page_from_its_robot_nor_a_stop_from_its_way() {
     assert_eq!(good.next("state")["tick"], 9);
     // A message longer than any order is the end of its sender.
     let mut long = Client::open(address);
-    let _ = long.0.write_all(&[0x81, 0xff, 0, 0, 0, 1, 0, 0, 0, 0]);
+    let _ = long.stream.write_all(&[0x81, 0xff, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0]);
     while long.frame().is_some() {}
     drop(crowd);
     good.order(&json!({ "id": 2, "do": "stop" }));
@@ -278,6 +307,7 @@ fn who_says_nothing_any_more_is_gone() {
     let (address, _) = page();
     // It does not even answer a ping.
     let mut dead = Client::open(address);
+    dead.answers_pings = false;
     let began = Instant::now();
     while dead.frame().is_some() {
         assert!(began.elapsed() < PATIENCE, "it is still spoken to");

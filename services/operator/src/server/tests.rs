@@ -85,7 +85,10 @@ fn metrics_are_told_to_who_asks_by_the_right_name() {
     assert!(open.ends_with("# EOF\n"), "{open}");
     let page = get(address, "/", "Host: 127.0.0.1\r\n");
     assert!(page.contains("content-type: text/html") && page.contains("<title>hilare</title>"), "{page}");
-    assert!(page.contains("content-security-policy: default-src 'self'") && page.contains("no-referrer"), "{page}");
+    assert!(
+        page.contains("content-security-policy: default-src 'self'") && page.contains("no-referrer"),
+        "{page}"
+    );
     for (path, headers, status) in [
         ("/metrics", "Host: evil.example\r\n", "403"),
         ("/metrics", "", "403"),
