@@ -8,7 +8,7 @@ use std::process::Command;
 use support::Lab;
 
 const LINES_MAX: usize = 450;
-const SERVICES: [&str; 8] = [
+const SERVICES: [&str; 9] = [
     "planner",
     "waypoint_selector",
     "controller",
@@ -16,6 +16,7 @@ const SERVICES: [&str; 8] = [
     "pose_estimator",
     "plant",
     "recorder",
+    "operator",
     "tuner",
 ];
 /// Boxes on the control path, and the plant, which keeps time with them.

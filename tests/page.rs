@@ -9,7 +9,6 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Duration;
 use support::{Lab, PATIENCE, number, pid_of, text, wait_until};
 use tempfile::TempDir;
@@ -176,7 +175,7 @@ fn frame(opcode: u8, payload: &[u8]) -> Vec<u8> {
 
 /// Waits until the page tells what is wanted.
 fn hear(stream: &mut TcpStream, wanted: &str) {
-    let (mut heard, mut chunk) = (Vec::new(), vec![0; 1 << 16]);
+    let (mut heard, mut chunk) = (Vec::<u8>::new(), vec![0; 1 << 16]);
     while !heard.windows(wanted.len()).any(|part| part == wanted.as_bytes()) {
         let read = stream.read(&mut chunk).unwrap_or(0);
         assert!(read > 0, "the end instead of {wanted}");

@@ -55,7 +55,7 @@ pub(super) fn preemption(machine: &Machine) -> Finding {
         let debug = machine.text("/sys/kernel/debug/sched/preempt");
         let now = debug.as_deref().and_then(|text| text.split_once('(')?.1.split_once(')'));
         let asked = machine.text("/proc/cmdline").unwrap_or_default();
-        let asked = asked.split_whitespace().filter_map(|word| word.strip_prefix("preempt=")).last();
+        let asked = asked.split_whitespace().filter_map(|word| word.strip_prefix("preempt=")).next_back();
         let cure = format!("preempt=full on the kernel's command line, or {CURE}");
         return match now.map(|(mode, _)| mode).or(asked) {
             Some("full") => Finding::good(CHECK, format!("full, Linux {release}")),

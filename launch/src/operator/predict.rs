@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::config::{Scenario, Task};
 
-    const GO_ON: AtomicBool = AtomicBool::new(false);
+    static GO_ON: AtomicBool = AtomicBool::new(false);
 
     #[test]
     fn a_prediction_is_what_a_run_of_the_same_path_comes_to() {

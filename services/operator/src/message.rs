@@ -277,8 +277,8 @@ mod tests {
             (&long, Some(7), "65537 waypoints; a path has at most 65536"),
         ] {
             let (got, why) = parse(text).expect_err(text);
-            assert_eq!(got, id, "{:.60}", text);
-            assert!(why.contains(said) && !why.contains(['\n', '\u{1b}']), "{:.60}: {why}", text);
+            assert_eq!(got, id, "{text:.60}");
+            assert!(why.contains(said) && !why.contains(['\n', '\u{1b}']), "{text:.60}: {why}");
         }
     }
 

@@ -115,15 +115,16 @@ pub fn serve(listener: std::net::TcpListener, source: Arc<dyn Source>, rules: Ru
         .thread_stack_size(1 << 20);
     runtime.build()?.block_on(async {
         let listener = TcpListener::from_std(listener)?;
+        let door = Arc::clone(&source);
         let desks = Desks {
             looks: Looks { source: Arc::clone(&source), last: Mutex::new(None) },
             desk: Arc::new(Desk::new(Arc::clone(&source))),
             presence: Arc::default(),
-            source: Arc::clone(&source),
+            source,
         };
         if rules.stop_when_lost {
             let presence = Arc::clone(&desks.presence);
-            tokio::spawn(presence.stop_when_lost(Arc::clone(&source), Arc::clone(&desks.desk)));
+            tokio::spawn(presence.stop_when_lost(Arc::clone(&door), Arc::clone(&desks.desk)));
         }
         let pages = pages(Arc::new(desks), Arc::new(rules));
         let closed = Router::new()
@@ -136,7 +137,7 @@ pub fn serve(listener: std::net::TcpListener, source: Arc<dyn Source>, rules: Ru
                 tokio::time::sleep(OUT_OF_DESCRIPTORS).await;
                 continue;
             };
-            let admitted = stream.local_addr().is_ok_and(|own| source.admits(peer, own));
+            let admitted = stream.local_addr().is_ok_and(|own| door.admits(peer, own));
             let answers = if admitted { &pages } else { &closed };
             connections.retain(|connection| !connection.is_finished());
             if connections.len() >= MAX_CONNECTIONS {

@@ -127,7 +127,7 @@ impl Ear {
             match message {
                 Message::Text(text) => self.take(text, visit).await,
                 Message::Binary(_) => {
-                    self.answer(None, Answer::refused("binary frames say nothing here; JSON does")).await
+                    self.answer(None, Answer::refused("binary frames say nothing here; JSON does")).await;
                 }
                 _ => {}
             }

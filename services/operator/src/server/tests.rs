@@ -138,8 +138,8 @@ fn who_says_too_much_or_nothing_keeps_nobody_out() {
         let _ = stream.shutdown(std::net::Shutdown::Write);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
-        assert!(!String::from_utf8_lossy(&answer).contains(" 200 "), "{:.40}", request);
-        assert!(fine(), "after {:.40}", request);
+        assert!(!String::from_utf8_lossy(&answer).contains(" 200 "), "{request:.40}");
+        assert!(fine(), "after {request:.40}");
     }
     // More than there is room for, who never say anything.
     let silent: Vec<_> = (0..3 * MAX_CONNECTIONS)
