@@ -5,6 +5,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use hilare_controller::LAWS;
 use hilare_interfaces::geometry::WorldPoint;
+use hilare_operator::message::Place;
 use hilare_planner::Map;
 use hilare_planner::map::{GridPoint, Layer, MapFrame, Obstacle};
 use serde_json::{Value, json};
@@ -28,6 +29,7 @@ pub fn hello(system: &System, clock: &str) -> Value {
         "clock": clock,
         "radius_m": system.planner.robot_radius_m,
         "acceptance_m": system.tracking.acceptance_radius_m,
+        "start": Place::of([system.start.x_m, system.start.y_m, system.start.theta_rad]),
         "laws": laws(system).collect::<Vec<_>>(),
         "map": map.as_ref().map(drawn),
     })

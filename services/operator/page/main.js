@@ -41,6 +41,7 @@ const heard = {
     $("robot").textContent = message.robot;
     $("clock").textContent = message.clock;
     picture.robot.radius = message.radius_m;
+    picture.robot.start = message.start;
     picture.acceptance = message.acceptance_m;
     if (!$("tolerance").value) $("tolerance").value = Math.max(1, Math.round(message.acceptance_m * 1e3));
     $("law").replaceChildren(...message.laws.map((law) => new Option(law, law)));

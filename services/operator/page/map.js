@@ -8,7 +8,7 @@ export class MapPicture {
   constructor(canvas, view, path) {
     Object.assign(this, { canvas, view, path });
     this.context = canvas.getContext("2d");
-    this.robot = { radius: 0.037, pose: null, truth: null };
+    this.robot = { radius: 0.037, pose: null, truth: null, start: null };
     this.trails = { estimate: [], truth: [] };
     this.active = null; // path in force
     this.current = 0; // waypoint that is driven to
@@ -47,7 +47,8 @@ export class MapPicture {
   /** Everything there is, as a box. */
   extent() {
     const points = [...this.path.points, ...(this.active?.waypoints ?? [])];
-    if (this.robot.pose) points.push([this.robot.pose.x, this.robot.pose.y]);
+    const at = this.robot.pose ?? this.robot.start;
+    if (at) points.push([at.x, at.y]);
     if (this.map) points.push([this.map.x0, this.map.y0], [this.map.x1, this.map.y1]);
     if (!points.length) return [-0.5, -0.5, 0.5, 0.5];
     const xs = points.map((p) => p[0]);
@@ -72,6 +73,8 @@ export class MapPicture {
     if (this.goal) this.drawGoal();
     if (this.robot.truth) this.drawRobot(this.robot.truth, this.colour("orange"), false);
     if (this.robot.pose) this.drawRobot(this.robot.pose, this.colour("blue"), true);
+    // Not armed yet: where the system file says that it stands.
+    else if (this.robot.start) this.drawRobot(this.robot.start, this.colour("dim"), false);
     this.drawScale();
   }
 
