@@ -75,8 +75,8 @@
 #define HILARE_TRUTH_SERVICE "hilare/truth"
 #define HILARE_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
-/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder ->
- * launch, relay, 20 Hz: state, reason, counters. Health. */
+/* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder,
+ * operator -> launch, relay, 20 Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
 #define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
@@ -88,43 +88,46 @@
 #define HILARE_WATCH_ANSWER_SERVICE "hilare/watch/answer"
 #define HILARE_WATCH_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
 
-/* relay -> recorder, on demand: waypoints in the world frame, at most 65 536. PathHeader, then
+/* relay -> recorder, operator, on demand: waypoints in the world frame, at most 65 536. PathHeader, then
  * Waypoints. */
 #define HILARE_WATCH_PATH_SERVICE "hilare/watch/path"
 #define HILARE_WATCH_PATH_LAYOUT "5e7b14bcbb67098e 0.1.0"
 
-/* relay -> recorder, launch, every control period: last, current and coming waypoints, index, total,
- * speed. Reference. */
+/* relay -> recorder, operator, launch, every control period: last, current and coming waypoints, index,
+ * total, speed. Reference. */
 #define HILARE_WATCH_REFERENCE_SERVICE "hilare/watch/reference"
 #define HILARE_WATCH_REFERENCE_LAYOUT "0ef859e5d54ee1df 0.1.0"
 
-/* relay -> recorder, every control period: body velocity with source, epoch, seq, pose tick and
- * effective tick. Command. */
+/* relay -> recorder, operator, every control period: body velocity with source, epoch, seq, pose tick
+ * and effective tick. Command. */
 #define HILARE_WATCH_COMMAND_SERVICE "hilare/watch/command"
 #define HILARE_WATCH_COMMAND_LAYOUT "533469003df0fb51 0.1.0"
 
-/* relay -> recorder, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority. */
+/* relay -> recorder, operator, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease.
+ * Authority. */
 #define HILARE_WATCH_AUTHORITY_SERVICE "hilare/watch/authority"
 #define HILARE_WATCH_AUTHORITY_LAYOUT "5fe1e47848fda10e 0.1.0"
 
-/* relay -> recorder, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds. Steps. */
+/* relay -> recorder, operator, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds.
+ * Steps. */
 #define HILARE_WATCH_STEPS_SERVICE "hilare/watch/steps"
 #define HILARE_WATCH_STEPS_LAYOUT "91db82b2e31b8da9 0.1.0"
 
-/* relay -> recorder, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels. */
+/* relay -> recorder, operator, 1 kHz: cumulative encoder counts, where the robot has encoders or a
+ * camera. Wheels. */
 #define HILARE_WATCH_WHEELS_SERVICE "hilare/watch/wheels"
 #define HILARE_WATCH_WHEELS_LAYOUT "bb9caf7b605e9700 0.1.0"
 
-/* relay -> recorder, on demand: pose measured from outside, late and noisy, where there is a camera.
- * PoseFix. */
+/* relay -> recorder, operator, on demand: pose measured from outside, late and noisy, where there is a
+ * camera. PoseFix. */
 #define HILARE_WATCH_FIX_SERVICE "hilare/watch/fix"
 #define HILARE_WATCH_FIX_LAYOUT "5f2d70eb98eff79d 0.1.0"
 
-/* relay -> planner, recorder, launch, 1 kHz: estimated pose in the world frame. Pose. */
+/* relay -> planner, recorder, operator, launch, 1 kHz: estimated pose in the world frame. Pose. */
 #define HILARE_WATCH_POSE_SERVICE "hilare/watch/pose"
 #define HILARE_WATCH_POSE_LAYOUT "2fa61ce500ab69a3 0.1.0"
 
-/* relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth. */
+/* relay -> recorder, operator, 1 kHz: true pose; never seen by the control path. Truth. */
 #define HILARE_WATCH_TRUTH_SERVICE "hilare/watch/truth"
 #define HILARE_WATCH_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 

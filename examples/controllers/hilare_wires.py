@@ -745,8 +745,8 @@ POSE = Wire("hilare/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 # plant -> relay, 1 kHz: true pose; never seen by the control path. Truth.
 TRUTH = Wire("hilare/truth", Truth, None, "e165266f143c0474 0.1.0")
 
-# planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder -> launch,
-# relay, 20 Hz: state, reason, counters. Health.
+# planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder, operator
+# -> launch, relay, 20 Hz: state, reason, counters. Health.
 HEALTH = Wire("hilare/health", Health, None, "4d4e64cd50153a08 0.1.0")
 
 # relay -> recorder, on demand: a point to go to, or waypoints to follow. GoalHeader, then Waypoints.
@@ -755,34 +755,38 @@ WATCH_GOAL = Wire("hilare/watch/goal", GoalHeader, Waypoint, "9798f1174bf0a157 0
 # relay -> recorder, on demand: accepted, or why not. Answer.
 WATCH_ANSWER = Wire("hilare/watch/answer", Answer, None, "3418c0b7fef52088 0.1.0")
 
-# relay -> recorder, on demand: waypoints in the world frame, at most 65 536. PathHeader, then Waypoints.
+# relay -> recorder, operator, on demand: waypoints in the world frame, at most 65 536. PathHeader, then
+# Waypoints.
 WATCH_PATH = Wire("hilare/watch/path", PathHeader, Waypoint, "5e7b14bcbb67098e 0.1.0")
 
-# relay -> recorder, launch, every control period: last, current and coming waypoints, index, total, speed.
-# Reference.
+# relay -> recorder, operator, launch, every control period: last, current and coming waypoints, index,
+# total, speed. Reference.
 WATCH_REFERENCE = Wire("hilare/watch/reference", Reference, None, "0ef859e5d54ee1df 0.1.0")
 
-# relay -> recorder, every control period: body velocity with source, epoch, seq, pose tick and effective
-# tick. Command.
+# relay -> recorder, operator, every control period: body velocity with source, epoch, seq, pose tick and
+# effective tick. Command.
 WATCH_COMMAND = Wire("hilare/watch/command", Command, None, "533469003df0fb51 0.1.0")
 
-# relay -> recorder, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease. Authority.
+# relay -> recorder, operator, 50 Hz: which source and epoch, armed / stop / e-stop; launch's lease.
+# Authority.
 WATCH_AUTHORITY = Wire("hilare/watch/authority", Authority, None, "5fe1e47848fda10e 0.1.0")
 
-# relay -> recorder, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds. Steps.
+# relay -> recorder, operator, launch, 1 kHz: cumulative signed counts a wheel, commanded wheel speeds.
+# Steps.
 WATCH_STEPS = Wire("hilare/watch/steps", Steps, None, "91db82b2e31b8da9 0.1.0")
 
-# relay -> recorder, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera. Wheels.
+# relay -> recorder, operator, 1 kHz: cumulative encoder counts, where the robot has encoders or a camera.
+# Wheels.
 WATCH_WHEELS = Wire("hilare/watch/wheels", Wheels, None, "bb9caf7b605e9700 0.1.0")
 
-# relay -> recorder, on demand: pose measured from outside, late and noisy, where there is a camera.
-# PoseFix.
+# relay -> recorder, operator, on demand: pose measured from outside, late and noisy, where there is a
+# camera. PoseFix.
 WATCH_FIX = Wire("hilare/watch/fix", PoseFix, None, "5f2d70eb98eff79d 0.1.0")
 
-# relay -> planner, recorder, launch, 1 kHz: estimated pose in the world frame. Pose.
+# relay -> planner, recorder, operator, launch, 1 kHz: estimated pose in the world frame. Pose.
 WATCH_POSE = Wire("hilare/watch/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 
-# relay -> recorder, 1 kHz: true pose; never seen by the control path. Truth.
+# relay -> recorder, operator, 1 kHz: true pose; never seen by the control path. Truth.
 WATCH_TRUTH = Wire("hilare/watch/truth", Truth, None, "e165266f143c0474 0.1.0")
 
 # relay -> recorder, 20 Hz: state, reason, counters. Health.

@@ -69,12 +69,12 @@ fn unknown_keys_name_the_one_that_was_meant() {
         (
             "colour = 1",
             "1: unknown key \"colour\"; known there: robot; and the sections chassis, motors, limits, timing, \
-             tracking, controller, estimator, planner, plant, camera, start, supervision, wake_up, realtime",
+             tracking, controller, estimator, planner, plant, camera, start, supervision, operator, wake_up, realtime",
         ),
         (
             "[realtime]\ncpu = 1",
             "2: unknown key \"cpu\" in [realtime]; only sections stand there: planner, waypoint_selector, \
-             controller, step_generator, pose_estimator, plant, relay, recorder",
+             controller, step_generator, pose_estimator, plant, relay, recorder, operator",
         ),
     ];
     for (text, expected) in cases {
@@ -93,7 +93,7 @@ fn unknown_sections_name_the_one_that_was_meant() {
         (
             "[colour]",
             "1: unknown section [colour]; known: chassis, motors, limits, timing, tracking, controller, estimator, \
-             planner, plant, camera, start, supervision, wake_up, realtime",
+             planner, plant, camera, start, supervision, operator, wake_up, realtime",
         ),
         (
             "[limits.v_max_mps]\nx = 1",

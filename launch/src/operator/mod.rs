@@ -44,7 +44,7 @@ const LOOK: Duration = Duration::from_millis(10);
 /// Stack of the page's thread, and of that which asks launch.
 const STACK: usize = 2 << 20;
 /// Time in which pages are told that the robot is down.
-const LAST_WORDS: Duration = Duration::from_millis(150);
+const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// What the threads of the process share.
 struct Shared {

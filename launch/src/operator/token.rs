@@ -4,6 +4,7 @@ use crate::private::open_own_file;
 use hilare_operator::address::{is_open, parse};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 /// Name of the token's file in the runtime directory, which is its user's alone.
@@ -25,7 +26,8 @@ pub fn make(dir: &Path, listen: &str) -> Result<Option<String>, String> {
     let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
     let file = dir.join(FILE);
     let mut options = OpenOptions::new();
-    options.write(true).create_new(true);
+    // Whatever the umask is.
+    options.write(true).create_new(true).mode(0o600);
     let written = open_own_file(&file, &mut options).and_then(|mut file| file.write_all(token.as_bytes()));
     written.map_err(failed)?;
     Ok(Some(url(listen, Some(&token))))

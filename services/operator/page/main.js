@@ -38,7 +38,7 @@ const heard = {
   hello(message) {
     hello = message;
     document.title = `${message.robot} – hilare`;
-    $("robot").textContent = message.robot;
+    $("robot").textContent = $("robot").title = message.robot;
     $("clock").textContent = message.clock;
     picture.robot.radius = message.radius_m;
     picture.robot.start = message.start;
