@@ -9,6 +9,7 @@
 //!
 //! It reads what the relay repeats and asks launch, like any observer; nobody on the tick knows of it.
 
+mod door;
 mod figures;
 mod hello;
 mod orders;
@@ -23,14 +24,15 @@ use crate::look::usage::Usage;
 use crate::look::wires::{Heard, Wires};
 use crate::manager::robot_dir::SOCKET;
 use crate::shell::worker::{Reactive, Report, Worker};
+use door::Door;
 use hilare_interfaces::block::TICKS_PER_SECOND;
 use hilare_interfaces::messages::{Drive, Mode, PathHeader, ReferenceState};
-use hilare_operator::Source;
 use hilare_operator::address::{Names, is_open};
 use hilare_operator::live::Live;
 use hilare_operator::message::{Answer, Order, Place, State};
 use hilare_operator::robot::Robot;
 use hilare_operator::server::{Rules, serve};
+use hilare_operator::{Source, Verdict};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -83,7 +85,7 @@ impl OperatorProcess {
             slow: Mutex::default(),
             live: Live::default(),
         });
-        let launch = Launch(Arc::clone(&shared));
+        let launch = Launch { shared: Arc::clone(&shared), door: Door::open()? };
         thread("page", move || {
             if let Err(error) = serve(listener, Arc::new(launch), rules) {
                 tracing::error!("the page: {error}");
@@ -193,25 +195,28 @@ fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), String
 }
 
 /// Where the page's figures come from and its orders go.
-struct Launch(Arc<Shared>);
+struct Launch {
+    shared: Arc<Shared>,
+    door: Door,
+}
 
 impl Source for Launch {
     fn look(&self) -> Result<Robot, String> {
-        let told = Told::by(&self.0.socket).map_err(|why| format!("launch does not answer: {why}"))?;
-        let heard = *lock(&self.0.heard);
+        let told = Told::by(&self.shared.socket).map_err(|why| format!("launch does not answer: {why}"))?;
+        let heard = *lock(&self.shared.heard);
         Ok(figures::robot(&told, &heard, Usage::of))
     }
 
     fn live(&self) -> &Live {
-        &self.0.live
+        &self.shared.live
     }
 
     fn order(&self, order: &Order, cancelled: &AtomicBool) -> Answer {
-        orders::carry_out(&self.0, order, cancelled)
+        orders::carry_out(&self.shared, order, cancelled)
     }
 
-    fn admits(&self, peer: SocketAddr, own: SocketAddr) -> bool {
+    fn admit(&self, peer: SocketAddr, own: SocketAddr, verdict: Verdict) {
         // From elsewhere there is nobody's account to be known: there it is the token that counts.
-        is_open(peer) || port::is_ours(peer, own)
+        if is_open(peer) { verdict(true) } else { self.door.ask(peer, own, verdict) }
     }
 }

@@ -31,6 +31,9 @@ use robot::Robot;
 use std::net::SocketAddr;
 use std::sync::atomic::AtomicBool;
 
+/// Is told what becomes of a connection.
+pub type Verdict = Box<dyn FnOnce(bool) + Send>;
+
 /// Where a robot's state comes from, and who carries out orders.
 pub trait Source: Send + Sync + 'static {
     /// A look at the robot, or why there is none. May block for seconds.
@@ -42,6 +45,6 @@ pub trait Source: Send + Sync + 'static {
     /// Carries out an order. May block for seconds; one that only computes ends early once `cancelled` is set.
     fn order(&self, order: &Order, cancelled: &AtomicBool) -> Answer;
 
-    /// Whether whoever is at the other end of a connection may speak to the robot.
-    fn admits(&self, peer: SocketAddr, own: SocketAddr) -> bool;
+    /// Tells `verdict`, at once or later, whether whoever is at the other end of a connection may speak to the robot.
+    fn admit(&self, peer: SocketAddr, own: SocketAddr, verdict: Verdict);
 }

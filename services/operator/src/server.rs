@@ -34,7 +34,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Mutex;
+use tokio::sync::{Mutex, oneshot};
 use tokio::task::{AbortHandle, spawn_blocking};
 use tokio::time::timeout;
 
@@ -137,19 +137,29 @@ pub fn serve(listener: std::net::TcpListener, source: Arc<dyn Source>, rules: Ru
                 tokio::time::sleep(OUT_OF_DESCRIPTORS).await;
                 continue;
             };
-            let admitted = stream.local_addr().is_ok_and(|own| door.admits(peer, own));
-            let answers = if admitted { &pages } else { &closed };
+            let (verdict, admitted) = oneshot::channel();
+            if let Ok(own) = stream.local_addr() {
+                let tell = move |admitted| {
+                    // A connection may be gone by then.
+                    let _ = verdict.send(admitted);
+                };
+                door.admit(peer, own, Box::new(tell));
+            }
             connections.retain(|connection| !connection.is_finished());
             if connections.len() >= MAX_CONNECTIONS {
                 connections.pop_front().inspect(AbortHandle::abort);
             }
-            connections.push_back(tokio::spawn(answer(stream, answers.clone())).abort_handle());
+            connections.push_back(
+                tokio::spawn(answer(stream, admitted, [&closed, &pages].map(Router::clone))).abort_handle(),
+            );
         }
     })
 }
 
-/// One request and its answer.
-async fn answer(stream: TcpStream, pages: Router) {
+/// One request and its answer; by the second of the pages, if it is admitted.
+async fn answer(stream: TcpStream, admitted: oneshot::Receiver<bool>, [closed, pages]: [Router; 2]) {
+    let admitted = matches!(timeout(HEAD, admitted).await, Ok(Ok(true)));
+    let pages = if admitted { pages } else { closed };
     let _ = stream.set_nodelay(true);
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new())

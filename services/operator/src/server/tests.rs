@@ -37,8 +37,8 @@ impl Source for Counted {
         Answer::done(format!("{order:?}"))
     }
 
-    fn admits(&self, _: SocketAddr, _: SocketAddr) -> bool {
-        !self.admits_nobody
+    fn admit(&self, _: SocketAddr, _: SocketAddr, verdict: crate::Verdict) {
+        verdict(!self.admits_nobody);
     }
 }
 
