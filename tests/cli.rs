@@ -234,7 +234,7 @@ fn a_name_that_is_taken() {
     for args in [
         &["run", "so", "--robot", &robot][..],
         &["run", "so", "--robot", &robot, "--clock", "lockstep", "--json"],
-        &["demo", "--robot", &robot],
+        &["demo", "--port", "0", "--robot", &robot],
         &["up", "--robot", &robot],
         &["up", "--robot", &robot, "--detach"],
     ] {

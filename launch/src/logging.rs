@@ -2,9 +2,12 @@
 //! all processes of a machine share, so that merged lines sort.
 
 mod outlet;
+mod recent;
 
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use outlet::Outlet;
+use recent::Recent;
+pub use recent::Said;
 use rustix::time::{ClockId, clock_gettime};
 use std::fmt;
 use std::fs::File;
@@ -92,6 +95,8 @@ struct Sink {
     /// Lines of this level and above are for the terminal.
     shown: Level,
     bar: Option<ProgressBar>,
+    /// The newest lines, for whoever asks.
+    recent: Recent,
     /// What each worker has said of late.
     talk: Vec<Talk>,
 }
@@ -123,7 +128,9 @@ impl LogSink {
     /// Lines of `shown` and above are shown on standard error.
     pub fn new(shown: Level) -> io::Result<Self> {
         let terminal = Outlet::new(io::stderr())?;
-        Ok(Self(Arc::new(Mutex::new(Sink { file: None, terminal, shown, bar: None, talk: Vec::new() }))))
+        let sink =
+            Sink { file: None, terminal, shown, bar: None, recent: Recent::default(), talk: Vec::new() };
+        Ok(Self(Arc::new(Mutex::new(sink))))
     }
 
     fn with<R>(&self, act: impl FnOnce(&mut Sink) -> R) -> R {
@@ -153,6 +160,11 @@ impl LogSink {
         file.iter().chain([&terminal]).for_each(Outlet::flush);
     }
 
+    /// The lines after the first `after` there have been, as many as one answer holds; and how many that makes.
+    pub fn since(&self, after: u64) -> (u64, Vec<Said>) {
+        self.with(|sink| sink.recent.since(after))
+    }
+
     /// From now on lines appear above this progress bar; `None` when it is gone.
     pub fn around(&self, bar: Option<ProgressBar>) {
         self.with(|sink| sink.bar = bar);
@@ -180,6 +192,7 @@ impl LogSink {
 
     fn line(&self, level: Level, line: &str) {
         self.with(|sink| {
+            sink.recent.add(line);
             if let Some(file) = &sink.file {
                 file.line(line);
             }

@@ -13,6 +13,7 @@ use crate::shell::ClockKind;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, IsTerminal};
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tracing::Level;
@@ -35,6 +36,9 @@ pub struct LatencyArgs {
     /// By turns let as many observers come and go every 0.1 s, and show what that costs the tick
     #[arg(long, value_name = "N", default_value_t = 0)]
     observers: usize,
+    /// By turns let as many pages come that misbehave, and show what that costs the tick
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "observers")]
+    pages: usize,
     /// Without the recorder that every run has
     #[arg(long)]
     no_recorder: bool,
@@ -66,11 +70,18 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
     if args.observers > MOST_OBSERVERS {
         return Err(refused(format!("--observers {}: 0 to {MOST_OBSERVERS} are wanted", args.observers)));
     }
+    if args.pages > MOST_OBSERVERS {
+        return Err(refused(format!("--pages {}: 0 to {MOST_OBSERVERS} are wanted", args.pages)));
+    }
     let mut system = System::load(&args.system).map_err(refused)?;
     system.set_all(&args.set).map_err(refused)?;
     warn(&system.warnings());
     if let Some(robot) = &args.robot {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
+    }
+    if args.pages > 0 && system.listen.is_empty() {
+        let port = TcpListener::bind("127.0.0.1:0").and_then(|free| free.local_addr());
+        system.listen = port.map_err(|e| Failure::Fault(format!("no port for the page: {e}")))?.to_string();
     }
     if let Some(dir) = &args.out {
         std::fs::create_dir_all(dir).map_err(|e| {
@@ -87,7 +98,8 @@ pub fn latency(args: &LatencyArgs) -> VerbResult {
         system,
         seconds: args.seconds,
         load: args.load,
-        observers: args.observers,
+        observers: args.observers.max(args.pages),
+        visitors: args.pages > 0,
         record: !args.no_recorder,
         recording,
     };

@@ -1,10 +1,11 @@
 //! `hilare run` and `hilare demo`.
 
 use super::ending::{End, report};
-use super::{VerbResult, refused, warn};
+use super::{VerbResult, print, refused, warn};
 use crate::config::{Driver, Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
+use crate::operator::port;
 use crate::recording::info::remove_parts;
 use crate::recording::{Order, RECORDING_FILE, RunInfo, Settings, Tape};
 use crate::shell::in_process::InProcess;
@@ -17,7 +18,7 @@ use hilare_interfaces::messages::{GoalKind, Mode, Waypoint};
 use hilare_planner::{Map, Unlimited, check_crab};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tracing::{Level, warn};
@@ -31,6 +32,9 @@ pub struct DemoArgs {
     /// Name the robot runs under
     #[arg(long, value_name = "NAME")]
     robot: Option<String>,
+    /// Port of the operator's page; 0 for none [default: 7070, or none if that is taken]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
     /// Print summary.json instead of the verdict
     #[arg(long)]
     json: bool,
@@ -56,7 +60,7 @@ pub struct RunArgs {
     /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
-    /// Address and port of a page with metrics for Prometheus, on this machine alone, e.g. 127.0.0.1:7070
+    /// Address and port of the operator's page and metrics for Prometheus, e.g. 127.0.0.1:7070
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
@@ -82,6 +86,26 @@ pub struct RunArgs {
     pub(super) json: bool,
 }
 
+/// The port of the page of `hilare demo`.
+const PORT: u16 = 7070;
+
+/// Where the page of `hilare demo` listens. Only for one that was asked for is a port that is taken a reason not to
+/// begin.
+fn demo_listen(port: Option<u16>) -> Option<String> {
+    let listen = |port: u16| format!("127.0.0.1:{port}");
+    match port {
+        Some(0) => None,
+        Some(port) => Some(listen(port)),
+        None => match port::check(&listen(PORT)) {
+            Ok(()) => Some(listen(PORT)),
+            Err(why) => {
+                let _ = writeln!(io::stderr(), "hilare: no page: {why} (hilare demo --port N)");
+                None
+            }
+        },
+    }
+}
+
 /// The standard job: the closed rectangle, in real time.
 pub fn demo(args: &DemoArgs) -> VerbResult {
     run(&RunArgs {
@@ -90,7 +114,7 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
         start: None,
         controller: None,
         standby: None,
-        listen: None,
+        listen: demo_listen(args.port),
         clock: ClockKind::Real,
         seed: None,
         set: Vec::new(),
@@ -322,8 +346,13 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
 /// Ticks after which a run that has not arrived is ended: five times what the path takes at the
 /// reference speed, and a minute.
 pub(crate) fn time_limit(drive: &Drive<'_>) -> Tick {
-    let speed_mps = drive.scenario.system.tracking.speed_mps.max(1e-4);
-    let seconds = 60.0 + 5.0 * path_length_m(drive) / speed_mps;
+    limit_of_length(&drive.scenario.system, path_length_m(drive))
+}
+
+/// The same for a path of so many metres.
+pub(crate) fn limit_of_length(system: &System, length_m: f64) -> Tick {
+    let speed_mps = system.tracking.speed_mps.max(1e-4);
+    let seconds = 60.0 + 5.0 * length_m / speed_mps;
     (seconds.min(1e7) as Tick) * TICKS_PER_SECOND
 }
 
@@ -374,6 +403,7 @@ fn run_processes(
     log.around(Some(bar.clone()));
     let claim = Claim::new(&scenario.system.robot)?;
     let mut manager = Manager::start(claim, job, log)?;
+    show_page(&manager, args.json);
     manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
     let stopped_by = loop {
         manager.step(Duration::from_millis(20));
@@ -415,6 +445,16 @@ fn run_processes(
         swaps: outcome.swaps,
         restarts: outcome.restarts,
     })
+}
+
+/// Says where the page is; standard output may be for JSON alone.
+pub(super) fn show_page(manager: &Manager, json: bool) {
+    let Some(page) = manager.page_url() else { return };
+    if json {
+        let _ = writeln!(io::stderr(), "page: {page}");
+    } else {
+        print(&format!("page: {page}\n"));
+    }
 }
 
 fn progress_bar(args: &RunArgs, scenario: &Scenario, waypoints: usize, log: &LogSink) -> ProgressBar {

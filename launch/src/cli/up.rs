@@ -1,6 +1,6 @@
 //! `hilare up`: a robot that stays up.
 
-use super::run::{set_flag, set_listen, set_with_drivers};
+use super::run::{set_flag, set_listen, set_with_drivers, show_page};
 use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::logging::{self, LogSink};
@@ -39,7 +39,7 @@ pub struct UpArgs {
     /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
     standby: Option<String>,
-    /// Address and port of a page with metrics for Prometheus, on this machine alone, e.g. 127.0.0.1:7070
+    /// Address and port of the operator's page and metrics for Prometheus, e.g. 127.0.0.1:7070
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// Write the merged log of all processes to this file as well [default with --detach: the runtime
@@ -103,6 +103,9 @@ pub fn up(args: &UpArgs) -> VerbResult {
         }
         started => started?,
     };
+    if !args.background {
+        show_page(&manager, args.json);
+    }
     let arm = arm && manager.mode() != Mode::EStop;
     if arm {
         manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
@@ -171,8 +174,9 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
                 let (pid, log) = (child.id(), log.display());
                 let robot_flag =
                     args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {robot}"));
+                let page = status.page.map_or(String::new(), |page| format!(", page {page}"));
                 format!(
-                    "{robot} is up, launch has pid {pid}, log {log}; next: hilare arm{robot_flag}, \
+                    "{robot} is up, launch has pid {pid}, log {log}{page}; next: hilare arm{robot_flag}, \
                      hilare follow FILE.csv{robot_flag}\n"
                 )
             };

@@ -3,7 +3,7 @@
 use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
 use super::keys::{Form, Section, join, keys};
-use super::texts::{AS_THE_LAW_ASKS, EXEC, LAW, STANDBY, TextSpec};
+use super::texts::{AS_THE_LAW_ASKS, EXEC, GO_ON, LAW, ON_LOST, STANDBY, STOP, TextSpec};
 use super::{System, conflict, suggest, units};
 use hilare_controller::law;
 use hilare_interfaces::acceptance::Acceptance;
@@ -186,6 +186,13 @@ fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Valu
             system.robot = text.to_owned();
         }
         Section::Planner => system.map = text.to_owned(),
+        Section::Operator if spec.name == ON_LOST.name => {
+            system.stop_when_lost = match text {
+                GO_ON => false,
+                STOP => true,
+                _ => return Err(unknown()),
+            }
+        }
         Section::Operator => {
             if !text.is_empty() {
                 hilare_operator::address::parse(text)?;
@@ -228,6 +235,8 @@ pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSp
     match section {
         Section::Top => &system.robot,
         Section::Planner => &system.map,
+        Section::Operator if spec.name == ON_LOST.name && system.stop_when_lost => STOP,
+        Section::Operator if spec.name == ON_LOST.name => GO_ON,
         Section::Operator => &system.listen,
         Section::Controller if spec.name == EXEC.name => &system.controller.exec,
         Section::Controller if spec.name == STANDBY.name => &system.controller.standby,

@@ -2,7 +2,7 @@
 
 use super::group::Group;
 use super::texts::{
-    ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, LISTEN, MAP, MOTORS, ROBOT, STANDBY, TextSpec,
+    ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, LISTEN, MAP, MOTORS, ON_LOST, ROBOT, STANDBY, TextSpec,
 };
 use super::{Supervision, System, WakeUp, realtime};
 use crate::recording::RecordingParams;
@@ -262,7 +262,7 @@ impl Section {
             Self::Controller => [Some(&LAW), Some(&EXEC), Some(&STANDBY)],
             Self::Estimator => [Some(&ESTIMATOR), None, None],
             Self::Planner => [Some(&MAP), None, None],
-            Self::Operator => [Some(&LISTEN), None, None],
+            Self::Operator => [Some(&LISTEN), Some(&ON_LOST), None],
             _ => [None; 3],
         };
         texts.into_iter().flatten()

@@ -148,6 +148,8 @@ pub struct System {
     pub supervision: Supervision,
     /// Where the operator's page listens; empty for none.
     pub listen: String,
+    /// The robot stops when the last page that gave orders is lost.
+    pub stop_when_lost: bool,
     /// How the clock wakes.
     pub wake_up: WakeUp,
     /// How recordings are written.
@@ -190,6 +192,7 @@ impl Default for System {
             start: WorldPose::default(),
             supervision: Supervision::default(),
             listen: texts::LISTEN.default.to_owned(),
+            stop_when_lost: false,
             wake_up: WakeUp::default(),
             recording: RecordingParams::default(),
             realtime: Role::WORKERS.map(Realtime::default_of),

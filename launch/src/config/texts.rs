@@ -99,12 +99,26 @@ pub(super) static LISTEN: TextSpec = TextSpec {
     name: "listen",
     default: "",
     choices: Vec::new,
-    // What is no address is refused where it is read; others than this machine, too.
+    // Whether it is an address is seen where it is read.
     pattern: || {
-        Some(r"^(|localhost:[0-9]{1,5}|127(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[::1\]:[0-9]{1,5})$".to_owned())
+        Some(r"^(|(localhost|[0-9]{1,3}(\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5})$".to_owned())
     },
-    doc: "Address and port of the operator's page and its metrics, on this machine alone (127.0.0.1:7070); empty for none.",
+    doc: "Address and port of the operator's page and its metrics (127.0.0.1:7070); other machines reach it only at an address of theirs, and with a token; empty for none.",
 };
+
+/// What happens when the operator's page is lost.
+pub(super) static ON_LOST: TextSpec = TextSpec {
+    name: "on_lost",
+    default: GO_ON,
+    choices: || vec![GO_ON, STOP],
+    pattern: || None,
+    doc: "What an armed robot does when the last page that gave orders is gone for 2 s.",
+};
+
+/// The robot goes on.
+pub(super) const GO_ON: &str = "go_on";
+/// The robot stops.
+pub(super) const STOP: &str = "stop";
 
 /// Map to plan on.
 pub(super) static MAP: TextSpec = TextSpec {

@@ -157,6 +157,8 @@ pub enum Part {
     Responder(usize),
     /// Whoever comes, looks at what the relay repeats, and goes.
     Observer,
+    /// Whoever comes to the page, misbehaves, and goes.
+    Visitor,
 }
 
 impl Part {
@@ -166,7 +168,7 @@ impl Part {
 
     /// From its name on the command line.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::BARE.into_iter().chain([Self::Observer]).find(|part| part.name() == name)
+        Self::BARE.into_iter().chain([Self::Observer, Self::Visitor]).find(|part| part.name() == name)
     }
 
     /// Name on the command line.
@@ -178,6 +180,7 @@ impl Part {
             Self::Responder(2) => "responder-2",
             Self::Responder(_) => "responder-3",
             Self::Observer => "observer",
+            Self::Visitor => "visitor",
         }
     }
 }
@@ -198,6 +201,9 @@ pub fn run(part: Part, place: Place, runtime_dir: &Path) -> Result<(), String> {
     let page: Mapped<BarePage> = Mapped::inherit().map_err(|e| e.to_string())?;
     if part == Part::Observer {
         return super::observers::come_and_go(&page, runtime_dir);
+    }
+    if part == Part::Visitor {
+        return super::visitors::come_and_go(&page, runtime_dir);
     }
     let ports = match part {
         Part::Loop => None,

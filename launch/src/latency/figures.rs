@@ -95,6 +95,8 @@ pub struct Process {
 pub struct Watched {
     /// Processes that observed, by turns.
     pub observers: usize,
+    /// They were visitors of the page, and what they read is counted in kilobytes.
+    pub visitors: bool,
     /// How often one of them joined.
     pub joins: u64,
     /// Messages they read.
@@ -131,6 +133,7 @@ impl Watched {
     fn of(watched: &super::Watched) -> Self {
         Self {
             observers: watched.observers,
+            visitors: watched.visitors,
             joins: watched.joins,
             messages: watched.messages,
             tick: ByTurns::of(watched, |side| &side.lateness),
@@ -295,8 +298,12 @@ impl Figures {
         let Some(watched) = &self.watched else { return };
         let _ = writeln!(
             text,
-            "\n{} observers joined {} times by turns of seconds, and read {} messages",
-            watched.observers, watched.joins, watched.messages
+            "\n{} {} joined {} times by turns of seconds, and read {} {}",
+            watched.observers,
+            if watched.visitors { "hostile pages" } else { "observers" },
+            watched.joins,
+            watched.messages,
+            if watched.visitors { "kB" } else { "messages" }
         );
         for (title, turns) in [
             ("lateness of the tick", &watched.tick),
@@ -306,7 +313,7 @@ impl Figures {
         ] {
             let rows = [
                 ("nobody comes or goes", turns.without, 1),
-                ("observers come and go", turns.with, 1),
+                ("they come and go", turns.with, 1),
                 ("ratio", turns.ratio, 2),
             ];
             table(text, title, &rows);

@@ -11,6 +11,7 @@ mod cyclictest;
 mod figures;
 mod observers;
 mod picture;
+mod visitors;
 
 pub use cyclictest::Cyclictest;
 pub use figures::{Figures, Hop, Micros, Process, Tick};
@@ -54,6 +55,8 @@ pub struct Measurement {
     pub load: bool,
     /// Observers that come and go, half of the time.
     pub observers: usize,
+    /// They are visitors of the page, who misbehave.
+    pub visitors: bool,
     /// With the recorder, as every run has it.
     pub record: bool,
     /// Every message is recorded besides, and where.
@@ -145,7 +148,7 @@ fn beside(
 ) -> Result<Measured, Failure> {
     let fault = |error: std::io::Error| Failure::Fault(format!("bare processes: {error}"));
     let load = if what.load { Some(Load::start(what.seconds).map_err(fault)?) } else { None };
-    let mut bare = Bare::start(manager, &what.system, what.observers).map_err(fault)?;
+    let mut bare = Bare::start(manager, what).map_err(fault)?;
     bare.await_ready(manager)?;
     pass(manager, WARM_UP, |_, _| {})?;
     let clock = what.system.realtime(Role::StepGenerator);
@@ -166,7 +169,7 @@ fn beside(
     bare.page.set_stage(Stage::Over);
     let robot = manager.timings();
     let seconds = began.elapsed().as_secs_f64();
-    let watched = turns.end(&robot, &bare.page);
+    let watched = turns.end(&robot, &bare.page).map(|watched| Watched { visitors: what.visitors, ..watched });
     let counts = since(manager.counts(), &counts_before);
     bare.all_went_well()?;
     let (late, causes) = manager.late_ticks();
@@ -251,17 +254,18 @@ struct Bare {
 }
 
 impl Bare {
-    fn start(manager: &Manager, system: &System, observers: usize) -> std::io::Result<Self> {
+    fn start(manager: &Manager, what: &Measurement) -> std::io::Result<Self> {
+        let observer = if what.visitors { Part::Visitor } else { Part::Observer };
         let mut bare = Self { page: Mapped::create()?, children: Vec::new() };
-        for part in Part::BARE.into_iter().chain(std::iter::repeat_n(Part::Observer, observers)) {
+        for part in Part::BARE.into_iter().chain(std::iter::repeat_n(observer, what.observers)) {
             let role = match part {
                 Part::Loop | Part::Driver => Role::StepGenerator,
                 Part::Responder(1) => Role::PoseEstimator,
                 Part::Responder(2) => Role::WaypointSelector,
                 Part::Responder(_) => Role::Controller,
-                Part::Observer => Role::Recorder,
+                Part::Observer | Part::Visitor => Role::Recorder,
             };
-            let wanted = system.realtime(role);
+            let wanted = what.system.realtime(role);
             let mut command: Command = this_program();
             command.arg("bare").arg(part.name()).arg("--runtime-dir").arg(manager.runtime_dir());
             command.args([

@@ -40,6 +40,8 @@ pub struct Suffering {
 pub struct Watched {
     /// Processes that observed.
     pub observers: usize,
+    /// They were visitors of the page, and what they read is counted in kilobytes.
+    pub visitors: bool,
     /// How often one of them joined.
     pub joins: u64,
     /// Messages they read.
@@ -116,7 +118,14 @@ impl Turns {
         self.close(robot, page);
         let (joins, messages) = page.observers();
         let [without, with] = self.sums;
-        (self.observers > 0).then_some(Watched { observers: self.observers, joins, messages, without, with })
+        (self.observers > 0).then_some(Watched {
+            observers: self.observers,
+            visitors: false,
+            joins,
+            messages,
+            without,
+            with,
+        })
     }
 }
 

@@ -2,10 +2,11 @@
 
 use crate::shell::page::MAX_SLOTS;
 use crate::shell::transport::{Domain, Input, SliceInput, TransportError};
-use hilare_interfaces::geometry::WorldPoint;
+use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{
-    Authority, Command, PathHeader, Pose, PoseFix, Reference, ReferenceState, Steps, Truth, Waypoint, Wheels,
+    Authority, Command, MAX_WAYPOINTS, PathHeader, Pose, PoseFix, Reference, ReferenceState, Steps, Truth,
+    Waypoint, Wheels,
 };
 use hilare_interfaces::wires::{Role, watch};
 use std::fmt;
@@ -37,6 +38,7 @@ impl<T: WireMessage + fmt::Debug> Newest<T> {
 /// The reading ends of the relay's wires.
 pub struct Wires {
     path: SliceInput<PathHeader, Waypoint>,
+    newest_path: Option<(PathHeader, Vec<Waypoint>)>,
     paths: u64,
     reference: Newest<Reference>,
     command: Newest<Command>,
@@ -55,6 +57,7 @@ impl Wires {
     pub fn open(domain: &Domain) -> Result<Self, TransportError> {
         Ok(Self {
             path: domain.slice_input(&watch::PATH)?,
+            newest_path: None,
             paths: 0,
             reference: Newest::open(domain, &watch::REFERENCE)?,
             command: Newest::open(domain, &watch::COMMAND)?,
@@ -70,8 +73,10 @@ impl Wires {
 
     /// Takes in what has come.
     pub fn look(&mut self) {
-        while self.path.next(|_, _| ()).is_some() {
+        let longest = |path: &[Waypoint]| path[..path.len().min(MAX_WAYPOINTS)].to_vec();
+        while let Some(path) = self.path.next(|header, path| (*header, longest(path))) {
             self.paths += 1;
+            self.newest_path = Some(path);
         }
         let by_slot = &mut self.commands_by_slot;
         self.command.look(|command| {
@@ -87,6 +92,26 @@ impl Wires {
         self.fix.look(|_| ());
         self.pose.look(|_| ());
         self.truth.look(|_| ());
+    }
+
+    /// The path in force.
+    pub fn path(&self) -> Option<(PathHeader, &[Waypoint])> {
+        self.newest_path.as_ref().map(|(header, path)| (*header, &path[..]))
+    }
+
+    /// Newest path progress.
+    pub fn reference(&self) -> Option<&Reference> {
+        self.reference.newest.as_ref()
+    }
+
+    /// Newest word on who may drive.
+    pub fn authority(&self) -> Option<&Authority> {
+        self.authority.newest.as_ref()
+    }
+
+    /// Newest estimated pose.
+    pub fn pose(&self) -> Option<&Pose> {
+        self.pose.newest.as_ref()
     }
 
     /// Connects to a relay that has come.
@@ -123,6 +148,7 @@ impl Wires {
                 self.truth.newest.as_ref(),
             ),
             steps: self.steps.newest,
+            pose: self.pose.newest.map(|pose| pose.pose()).filter(is_a_place),
         }
     }
 }
@@ -138,6 +164,8 @@ pub struct Heard {
     pub track: Track,
     /// Newest state of the step generator.
     pub steps: Option<Steps>,
+    /// Newest estimated pose.
+    pub pose: Option<WorldPose>,
 }
 
 impl Heard {
@@ -155,6 +183,10 @@ impl Heard {
         };
         self.messages.iter().find(|(name, _)| *name == wire).map(|(_, messages)| *messages)
     }
+}
+
+fn is_a_place(pose: &WorldPose) -> bool {
+    pose.position().is_finite() && pose.theta_rad.is_finite()
 }
 
 /// Where the robot is beside its path.

@@ -22,6 +22,7 @@ impl Manager {
                 measured: Some(self.measured()),
                 ..Response::done("")
             },
+            Request::Log { after } => Response { log: Some(self.log.since(after)), ..Response::done("") },
             Request::Arm if !self.up => Response::refused("the robot is still starting"),
             Request::Arm => match self.set_mode(Mode::Armed) {
                 Ok(()) => Response::done("armed"),
@@ -156,6 +157,11 @@ impl Manager {
         format!("the last one, of {whose}: {why}")
     }
 
+    /// Where the operator's page is, if there is one; with its token, if it needs one.
+    pub fn page_url(&self) -> Option<&str> {
+        self.page_url.as_deref()
+    }
+
     /// Everything there is to know.
     pub fn status(&self) -> Status {
         let Newest { steps, pose, reference } = &self.newest;
@@ -190,6 +196,9 @@ impl Manager {
             param_changes: self.params.made,
             last_param_change: self.params.last.clone(),
             fault: self.fault.clone().or_else(|| self.halted.clone()),
+            halted: self.fault.is_none() && self.halted.is_some(),
+            system: self.systems.current,
+            page: self.page_url.clone(),
             processes: self
                 .members
                 .iter()

@@ -32,6 +32,11 @@ pub enum Request {
     Status,
     /// The status, and what the processes measure of themselves.
     Measured,
+    /// The merged log.
+    Log {
+        /// How many of its lines are known already.
+        after: u64,
+    },
     /// Let commands act.
     Arm,
     /// Ramp to a stop and stay.
@@ -89,6 +94,9 @@ pub struct Response {
     /// The system file that is in force, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system: Option<String>,
+    /// Lines of the log, if that was asked for, and how many there are up to there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<(u64, Vec<crate::logging::Said>)>,
     /// A worker's place, if that was asked for: the arguments of `hilare service`. The page comes with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Vec<String>>,
@@ -111,6 +119,7 @@ impl Response {
             measured: None,
             param: None,
             system: None,
+            log: None,
             place: None,
             later: false,
             wrong_use: false,

@@ -25,7 +25,7 @@ mod systems;
 
 use crate::config::{System, Task};
 use crate::logging::LogSink;
-use crate::operator::port;
+use crate::operator::{port, token};
 use crate::recording::Order;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
@@ -166,6 +166,7 @@ pub struct Manager {
     sweeper: Sweeper,
     page: SharedPage,
     job: Job,
+    page_url: Option<String>,
     members: Vec<Member>,
     events: Receiver<Event>,
     sender: Sender<Event>,
@@ -233,6 +234,7 @@ impl Manager {
         if job.workers == Workers::Own {
             port::check(&job.system.listen).map_err(Failure::Refused)?;
         }
+        let page_url = token::make(dir.path(), &job.system.listen).map_err(Failure::Refused)?;
         start::write_files(dir.path(), &job)?;
         let systems = systems::SystemFiles::begin(dir.path(), &job.system).map_err(Failure::Refused)?;
         let domain = Domain::join(dir.path(), "launch").map_err(|e| refused(&e))?;
@@ -250,6 +252,7 @@ impl Manager {
             page,
             members: start::members(&job),
             job,
+            page_url,
             events,
             sender,
             log: log.clone(),

@@ -65,6 +65,13 @@ pub struct Status {
     pub last_param_change: Option<String>,
     /// Why the robot cannot go on, if so.
     pub fault: Option<String>,
+    /// It can: it only has to be armed again.
+    pub halted: bool,
+    /// Number of the system file in force, in the runtime directory.
+    pub system: u64,
+    /// Where the operator's page is, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub page: Option<String>,
     /// The processes.
     pub processes: Vec<ProcessStatus>,
 }
@@ -121,6 +128,9 @@ impl Status {
         );
         if let Some(fault) = &self.fault {
             text.push_str(&format!("  fault     {fault}\n"));
+        }
+        if let Some(page) = &self.page {
+            text.push_str(&format!("  page      {page}\n"));
         }
         let pose = self.pose.map_or("not known before the robot is armed".to_owned(), |[x, y, theta]| {
             format!("x {x:.4} m, y {y:.4} m, heading {theta:.3} rad")

@@ -1,54 +1,141 @@
 //! The operator's process: a page about the robot, for whoever asks on this machine.
 //!
-//! It reads what the relay repeats and asks launch, like any observer; nobody on the tick knows of it. The page
-//! itself is [`hilare_operator`]'s.
+//! ```text
+//!   relay's wires ──▶ OperatorProcess, 100 Hz ─┐
+//!                                              ├──▶ Live ──▶ pages (hilare_operator)
+//!   launch ◀──asks──── told, 4 Hz ─────────────┘              │
+//!   launch ◀──────────────── Launch ◀──────── orders ─────────┘
+//! ```
+//!
+//! It reads what the relay repeats and asks launch, like any observer; nobody on the tick knows of it.
 
+mod door;
+mod figures;
+mod hello;
+mod orders;
 pub mod port;
+mod predict;
+mod roadmap;
+pub mod token;
+mod told;
 
 use crate::look::Told;
 use crate::look::usage::Usage;
 use crate::look::wires::{Heard, Wires};
-use crate::manager::measured::Measured;
 use crate::manager::robot_dir::SOCKET;
 use crate::shell::worker::{Reactive, Report, Worker};
-use hilare_interfaces::wires::Role;
-use hilare_operator::robot::{self, Robot};
-use hilare_operator::server::{Source, serve};
+use door::Door;
+use hilare_interfaces::block::TICKS_PER_SECOND;
+use hilare_interfaces::messages::{Drive, Mode, PathHeader, ReferenceState};
+use hilare_operator::address::{Names, is_open};
+use hilare_operator::live::Live;
+use hilare_operator::message::{Answer, Order, Place, State};
+use hilare_operator::robot::Robot;
+use hilare_operator::server::{Rules, serve};
+use hilare_operator::{Source, Verdict};
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use told::{Slow, Teller};
 use tracing::info;
 
 /// Time between two looks at the wires.
 const LOOK: Duration = Duration::from_millis(10);
-/// Stack of the page's thread.
-const STACK: usize = 512 << 10;
+/// Stack of the page's thread, and of that which asks launch.
+const STACK: usize = 2 << 20;
+/// Time in which pages are told that the robot is down.
+const LAST_WORDS: Duration = Duration::from_millis(200);
+
+/// What the threads of the process share.
+struct Shared {
+    runtime_dir: PathBuf,
+    socket: PathBuf,
+    heard: Mutex<Heard>,
+    slow: Mutex<Slow>,
+    live: Live,
+}
 
 /// The relay's wires and launch → the page.
 pub struct OperatorProcess {
     wires: Wires,
-    heard: Arc<Mutex<Heard>>,
+    shared: Arc<Shared>,
+    path: Option<PathHeader>,
     report: Report,
 }
 
 impl OperatorProcess {
     /// Opens its ports, those of the network included.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let listen = &worker.system.listen;
-        let listener = port::bind(listen)?;
+        let (system, dir) = (&worker.system, &worker.assignment.runtime_dir);
+        let listener = port::bind(&system.listen)?;
+        let open = listener.local_addr().is_ok_and(is_open);
+        let token = if open { Some(token::read(dir)?) } else { None };
+        let rules = Rules {
+            token,
+            names: Names { open, machine: token::machine() },
+            stop_when_lost: system.stop_when_lost,
+        };
         let wires = Wires::open(&worker.domain)?;
-        let heard = Arc::new(Mutex::new(wires.heard()));
-        let launch = Launch { socket: worker.assignment.runtime_dir.join(SOCKET), heard: Arc::clone(&heard) };
-        let thread = std::thread::Builder::new().name("page".into()).stack_size(STACK);
-        let ended = thread.spawn(move || {
-            if let Err(error) = serve(listener, Arc::new(launch)) {
+        let shared = Arc::new(Shared {
+            runtime_dir: dir.clone(),
+            socket: dir.join(SOCKET),
+            heard: Mutex::new(wires.heard()),
+            slow: Mutex::default(),
+            live: Live::default(),
+        });
+        let launch = Launch { shared: Arc::clone(&shared), door: Door::open()? };
+        thread("page", move || {
+            if let Err(error) = serve(listener, Arc::new(launch), rules) {
                 tracing::error!("the page: {error}");
                 std::process::exit(1);
             }
-        });
-        ended.map_err(|error| format!("no thread for the page: {error}"))?;
-        info!("http://{listen}/metrics");
-        Ok(Self { wires, heard, report: Report::default() })
+        })?;
+        let mut teller = Teller::new(Arc::clone(&shared), worker);
+        thread("told", move || teller.tell_for_ever())?;
+        info!("the page is at {}", token::url(&system.listen, None));
+        Ok(Self { wires, shared, path: None, report: Report::default() })
+    }
+
+    /// The robot as the wires and launch have it now.
+    fn state(&self) -> State {
+        let (heard, slow) = (self.wires.heard(), lock(&self.shared.slow).clone());
+        let reference = self.wires.reference();
+        let state = reference.and_then(|reference| ReferenceState::from_code(reference.state));
+        let steps = heard.steps.as_ref();
+        let twist = steps.map(|steps| steps.commanded_twist());
+        let count = |number: fn(&hilare_interfaces::messages::Steps) -> u64| steps.map_or(0, number);
+        let number = |number: f64| if number.is_finite() { number } else { 0.0 };
+        let mode = self.wires.authority().and_then(|authority| Mode::from_code(authority.mode));
+        let up = slow.mode != "starting";
+        State {
+            tick: count(|steps| steps.tick),
+            time_s: count(|steps| steps.tick) as f64 / TICKS_PER_SECOND as f64,
+            mode: mode.filter(|_| up).map_or(slow.mode.clone(), |mode| mode.label().to_owned()),
+            drive: steps.and_then(|steps| Drive::from_code(steps.drive)).map_or("unknown", Drive::label),
+            path_state: state.map_or(ReferenceState::Idle.label(), ReferenceState::label),
+            waypoint: reference.map_or(0, |reference| reference.index),
+            waypoints: reference.map_or(0, |reference| reference.total),
+            pose: self.wires.pose().and_then(|pose| Place::of([pose.x_m, pose.y_m, pose.theta_rad])),
+            truth: heard.track.truth.and_then(Place::of),
+            speed_mps: twist.map_or(0.0, |twist| number(twist.speed_mps())),
+            omega_radps: twist.map_or(0.0, |twist| number(twist.omega_radps)),
+            reference_mps: reference
+                .filter(|_| state == Some(ReferenceState::Tracking))
+                .map(|reference| number(reference.speed_mps)),
+            cross_track_m: heard.track.estimate_m,
+            cross_track_truth_m: heard.track.truth_m,
+            law: slow.law.clone(),
+            standby: slow.standby.clone(),
+            commands_late: count(|steps| steps.commands_late),
+            commands_rejected: count(|steps| steps.commands_rejected),
+            cycles_without_command: count(|steps| steps.cycles_without_command),
+            paused_ticks: count(|steps| steps.paused_ticks),
+            gone: slow.is_gone(),
+            fault: slow.fault,
+            halted: slow.halted,
+        }
     }
 }
 
@@ -58,7 +145,14 @@ impl Reactive for OperatorProcess {
         let heard = self.wires.heard();
         self.report.tick = heard.steps.map_or(0, |steps| steps.tick);
         self.report.steps = self.report.tick;
-        *lock(&self.heard) = heard;
+        *lock(&self.shared.heard) = heard;
+        if let Some((header, path)) = self.wires.path().filter(|(header, _)| Some(*header) != self.path) {
+            self.path = Some(header);
+            let path: Vec<[f64; 4]> =
+                path.iter().map(|point| [point.x_m, point.y_m, point.bulge, point.crab_rad]).collect();
+            self.shared.live.set_path(header.path_id, &path);
+        }
+        self.shared.live.set_state(self.state());
         // Looked at by interval, so that a busy wire does not keep it awake.
         false
     }
@@ -74,91 +168,55 @@ impl Reactive for OperatorProcess {
     fn connect(&self) {
         self.wires.connect();
     }
+
+    fn finish(&mut self) -> Result<(), String> {
+        // Why it is down is known to launch, if that is still there.
+        let told = Told::by(&self.shared.socket).ok();
+        let mut slow = lock(&self.shared.slow).clone();
+        if let Some(told) = told {
+            slow.note(&told.status);
+        }
+        slow.down = true;
+        *lock(&self.shared.slow) = slow;
+        self.shared.live.set_state(self.state());
+        std::thread::sleep(LAST_WORDS);
+        Ok(())
+    }
 }
 
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
     // It is replaced as a whole: there is nothing half done in it.
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
+    what.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Where the page's figures come from.
+fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), String> {
+    let thread = std::thread::Builder::new().name(name.to_owned()).stack_size(STACK);
+    thread.spawn(work).map(drop).map_err(|error| format!("no thread for the page: {error}"))
+}
+
+/// Where the page's figures come from and its orders go.
 struct Launch {
-    socket: PathBuf,
-    heard: Arc<Mutex<Heard>>,
+    shared: Arc<Shared>,
+    door: Door,
 }
 
 impl Source for Launch {
     fn look(&self) -> Result<Robot, String> {
-        let told = Told::by(&self.socket).map_err(|why| format!("launch does not answer: {why}"))?;
-        let heard = *lock(&self.heard);
-        Ok(shown(&told, &heard, Usage::of))
+        let told = Told::by(&self.shared.socket).map_err(|why| format!("launch does not answer: {why}"))?;
+        let heard = *lock(&self.shared.heard);
+        Ok(figures::robot(&told, &heard, Usage::of))
     }
-}
 
-/// A robot as the page has it.
-fn shown(told: &Told, heard: &Heard, usage: impl Fn(u32) -> Option<Usage>) -> Robot {
-    let status = told.status.clone();
-    let of_measured = |measured: &Measured| {
-        Box::new(robot::Measured {
-            lateness: measured.taken.histogram(),
-            step: measured.step.histogram(),
-            age: measured.age.histogram(),
-        })
-    };
-    let process = |one: &crate::manager::status::ProcessStatus| {
-        let usage = usage(one.pid);
-        robot::Process {
-            slot: Some(one.slot as u64),
-            role: one.name.clone(),
-            law: one.law.clone(),
-            pid: one.pid.into(),
-            state: one.state.clone(),
-            in_charge: one.authority,
-            restarts: one.restarts,
-            rejected: one.rejected,
-            over_budget: one.counts.over_budget,
-            page_faults: one.counts.page_faults,
-            involuntary_switches: one.counts.involuntary_switches,
-            cpu_s: usage.map(|usage| usage.cpu_s),
-            resident_bytes: usage.map(|usage| usage.resident_bytes),
-            measured: told.measured(one.slot).map(of_measured),
-        }
-    };
-    let of_launch = usage(status.launch_pid);
-    let launch = robot::Process {
-        role: Role::Launch.name().to_owned(),
-        pid: status.launch_pid.into(),
-        state: status.mode.clone(),
-        cpu_s: of_launch.map(|usage| usage.cpu_s),
-        resident_bytes: of_launch.map(|usage| usage.resident_bytes),
-        ..robot::Process::default()
-    };
-    Robot {
-        processes: std::iter::once(launch).chain(status.processes.iter().map(process)).collect(),
-        wires: heard.messages.iter().map(|(wire, messages)| ((*wire).to_owned(), *messages)).collect(),
-        truth: heard.track.truth,
-        cross_track_m: heard.track.estimate_m,
-        cross_track_truth_m: heard.track.truth_m,
-        name: status.robot,
-        version: status.version,
-        clock: status.clock,
-        fault: status.fault.is_some(),
-        mode: status.mode,
-        path_state: status.path_state,
-        uptime_s: status.uptime_s,
-        tick: status.tick,
-        ticks_late: status.ticks_late,
-        paused_ticks: status.paused_ticks,
-        commands_late: status.commands_late,
-        commands_rejected: status.commands_rejected,
-        cycles_without_command: status.cycles_without_command,
-        commands_borrowed: status.commands_borrowed,
-        promotions: status.promotions,
-        swaps: status.swaps,
-        waypoint: status.waypoint,
-        waypoints: status.waypoints,
-        pose: status.pose,
-        speed_mps: status.speed_mps,
-        omega_radps: status.omega_radps,
+    fn live(&self) -> &Live {
+        &self.shared.live
+    }
+
+    fn order(&self, order: &Order, cancelled: &AtomicBool) -> Answer {
+        orders::carry_out(&self.shared, order, cancelled)
+    }
+
+    fn admit(&self, peer: SocketAddr, own: SocketAddr, verdict: Verdict) {
+        // From elsewhere there is nobody's account to be known: there it is the token that counts.
+        if is_open(peer) { verdict(true) } else { self.door.ask(peer, own, verdict) }
     }
 }

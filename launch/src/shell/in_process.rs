@@ -254,10 +254,20 @@ impl InProcess {
         statistics.figures()
     }
 
-    pub(crate) fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
+    /// Runs until arrival, `max_ticks` or until `push`, which sees every tick, says that it is enough.
+    pub fn run_watched(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>) -> bool) {
         while self.tick < max_ticks && self.tick() {
-            push(self.record());
+            if !push(self.record()) {
+                break;
+            }
         }
+    }
+
+    pub(crate) fn drive(&mut self, max_ticks: Tick, mut push: impl FnMut(TickRecord<'_>)) {
+        self.run_watched(max_ticks, |tick| {
+            push(tick);
+            true
+        });
     }
 }
 

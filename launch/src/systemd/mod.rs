@@ -101,7 +101,7 @@ fn whole(wanted: &Wanted, name: String) -> Result<Unit, String> {
     oom(&mut unit, wanted, Role::Launch);
     unit.why("If the kernel takes a worker, launch decides what follows.");
     unit.set("OOMPolicy", "continue");
-    let network = if wanted.system.listen.is_empty() { Network::None } else { Network::Loopback };
+    let network = Network::for_page(&wanted.system.listen);
     sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     unit.section("Install");
     unit.set("WantedBy", wanted.wanted_by());

@@ -4,6 +4,7 @@
 //! memory, and nothing else of the machine: no network, no device, no other file system, no privilege.
 
 use super::unit::Unit;
+use hilare_operator::address::{is_open, parse};
 use std::path::Path;
 
 /// Directories that `ProtectHome=` hides.
@@ -46,13 +47,24 @@ pub(super) enum Network {
     None,
     /// This machine's own addresses, where the page listens.
     Loopback,
+    /// All of it: the page listens for other machines.
+    Open,
 }
 
 impl Network {
+    /// What a page that listens there needs; an empty text is no page.
+    pub(super) fn for_page(listen: &str) -> Self {
+        match parse(listen) {
+            Ok(address) if is_open(address) => Self::Open,
+            Ok(_) => Self::Loopback,
+            Err(_) => Self::None,
+        }
+    }
+
     const fn families(self) -> &'static str {
         match self {
             Self::None => "AF_UNIX",
-            Self::Loopback => "AF_UNIX AF_INET AF_INET6",
+            Self::Loopback | Self::Open => "AF_UNIX AF_INET AF_INET6",
         }
     }
 }
@@ -74,6 +86,7 @@ pub(super) fn write(unit: &mut Unit, user_unit: bool, network: Network, files: &
     match network {
         Network::None => unit.set("PrivateNetwork", "yes"),
         Network::Loopback => unit.set("IPAddressAllow", "localhost"),
+        Network::Open => unit.set("IPAddressAllow", "any"),
     }
     for (key, value) in WALLS {
         unit.set(key, value);
@@ -123,5 +136,8 @@ mod tests {
         assert!(none.contains("\nIPAddressDeny=any\n") && loopback.contains("\nIPAddressDeny=any\n"));
         assert!(loopback.contains("\nIPAddressAllow=localhost\n") && !loopback.contains("PrivateNetwork"));
         assert!(loopback.contains("=AF_UNIX AF_INET AF_INET6\n") && !none.contains("AF_INET"));
+        assert!(written(Network::Open).contains("\nIPAddressAllow=any\n"));
+        let kinds = ["", "127.0.0.1:7070", "[::1]:7070", "0.0.0.0:7070"].map(Network::for_page);
+        assert_eq!(kinds, [Network::None, Network::Loopback, Network::Loopback, Network::Open]);
     }
 }

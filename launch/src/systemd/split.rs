@@ -101,7 +101,8 @@ fn worker_unit(wanted: &Wanted, worker: &Worker, main: &str) -> Result<Unit, Str
     scheduling(&mut unit, wanted, role);
     oom(&mut unit, wanted, role);
     // The others keep their walls: it is the page alone that is asked from outside.
-    let network = if role == Role::Operator { Network::Loopback } else { Network::None };
+    let network =
+        if role == Role::Operator { Network::for_page(&wanted.system.listen) } else { Network::None };
     sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     Ok(unit)
 }

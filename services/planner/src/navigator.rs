@@ -72,6 +72,11 @@ impl Navigator {
         fit(&points, &self.fit).map(|fitted| fitted.waypoints).map_err(|e| format!("planner.fit: {e}"))
     }
 
+    /// The planner, if there is a map, to complete its roadmap.
+    pub fn planner_mut(&mut self) -> Option<&mut Planner> {
+        self.planner.as_mut()
+    }
+
     /// The planner, if there is a map.
     pub fn planner(&self) -> Option<&Planner> {
         self.planner.as_ref()

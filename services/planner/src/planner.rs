@@ -89,6 +89,16 @@ impl Planner {
         &self.params
     }
 
+    /// Draws every sample and checks every edge, for drawings; a query does so only as far as it has to.
+    pub fn complete_roadmap(&mut self, budget: &mut dyn Budget) {
+        let field = Arc::clone(&self.field);
+        let checker = self.checker(&field);
+        while !self.full() && !budget.exhausted() {
+            self.grow(&checker);
+        }
+        self.roadmap.check_edges(|a, b| checker.segment(a, b), budget);
+    }
+
     /// The roadmap's edges for drawings: both ends (world frame) and whether a check has found them free;
     /// edges found blocked are left out.
     pub fn roadmap_edges(&self) -> impl Iterator<Item = (WorldPoint, WorldPoint, bool)> + '_ {

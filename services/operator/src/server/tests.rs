@@ -1,11 +1,21 @@
 use super::*;
+use crate::live::Live;
 use std::io::{Read, Write};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+#[path = "socket_tests.rs"]
+mod socket;
+
+#[derive(Default)]
 struct Counted {
     looks: AtomicU64,
     refuses: bool,
+    live: Live,
+    /// What was ordered.
+    orders: std::sync::Mutex<Vec<Order>>,
+    /// Strangers at the door.
+    admits_nobody: bool,
 }
 
 impl Source for Counted {
@@ -13,14 +23,35 @@ impl Source for Counted {
         let tick = self.looks.fetch_add(1, Ordering::Relaxed);
         if self.refuses { Err("launch is gone".to_owned()) } else { Ok(Robot { tick, ..Robot::default() }) }
     }
+
+    fn live(&self) -> &Live {
+        &self.live
+    }
+
+    fn order(&self, order: &Order, cancelled: &AtomicBool) -> Answer {
+        self.orders.lock().expect("nobody panics with it").push(order.clone());
+        // A prediction that does not end by itself.
+        while order.is_question() && !cancelled.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Answer::done(format!("{order:?}"))
+    }
+
+    fn admit(&self, _: SocketAddr, _: SocketAddr, verdict: crate::Verdict) {
+        verdict(!self.admits_nobody);
+    }
 }
 
 fn started(refuses: bool) -> (SocketAddr, Arc<Counted>) {
+    begin(Counted { refuses, ..Counted::default() }, Rules::default())
+}
+
+fn begin(source: Counted, rules: Rules) -> (SocketAddr, Arc<Counted>) {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address");
-    let source = Arc::new(Counted { looks: AtomicU64::new(0), refuses });
+    let source = Arc::new(source);
     let theirs = Arc::clone(&source);
-    std::thread::spawn(move || serve(listener, theirs));
+    std::thread::spawn(move || serve(listener, theirs, rules));
     (address, source)
 }
 
@@ -52,7 +83,12 @@ fn metrics_are_told_to_who_asks_by_the_right_name() {
     );
     assert!(open.contains("content-type: application/openmetrics-text; version=1.0.0"), "{open}");
     assert!(open.ends_with("# EOF\n"), "{open}");
-    assert!(get(address, "/", "Host: 127.0.0.1\r\n").contains("/metrics"));
+    let page = get(address, "/", "Host: 127.0.0.1\r\n");
+    assert!(page.contains("content-type: text/html") && page.contains("<title>hilare</title>"), "{page}");
+    assert!(
+        page.contains("content-security-policy: default-src 'self'") && page.contains("no-referrer"),
+        "{page}"
+    );
     for (path, headers, status) in [
         ("/metrics", "Host: evil.example\r\n", "403"),
         ("/metrics", "", "403"),

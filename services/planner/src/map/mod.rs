@@ -17,12 +17,14 @@ pub mod moving_ai;
 pub mod obstacles;
 pub(crate) mod occupancy;
 pub(crate) mod pgm;
+mod picture;
 pub(crate) mod png;
 pub mod ros;
 
 pub use error::MapError;
 pub use frame::{GridPoint, MapFrame};
 pub use obstacles::{MapJob, Obstacle};
+pub use picture::Picture;
 
 use error::Fault;
 use std::fs::File;

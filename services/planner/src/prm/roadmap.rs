@@ -1,5 +1,6 @@
 //! The graph: nodes in buckets, edges as half-edge lists in one arena, a stack of temporary nodes on top.
 
+use crate::budget::Budget;
 use crate::map::GridPoint;
 
 /// Index of a node.
@@ -85,6 +86,17 @@ impl Roadmap {
     pub fn edges(&self) -> impl Iterator<Item = (GridPoint, GridPoint, Validity)> + '_ {
         let pairs = self.edges.as_chunks::<2>().0.iter().zip(&self.validity);
         pairs.map(|([there, back], &validity)| (self.point(back.to), self.point(there.to), validity))
+    }
+
+    /// Checks the edges of which nothing is known yet.
+    pub fn check_edges(&mut self, free: impl Fn(GridPoint, GridPoint) -> bool, budget: &mut dyn Budget) {
+        for index in 0..self.validity.len() {
+            if self.validity[index] == Validity::Unknown && !budget.exhausted() {
+                let (there, back) = (self.edges[2 * index].to, self.edges[2 * index + 1].to);
+                let is_free = free(self.point(back), self.point(there));
+                self.validity[index] = if is_free { Validity::Free } else { Validity::Blocked };
+            }
+        }
     }
 
     /// Adds a node that stays.

@@ -1,0 +1,333 @@
+// What the map shows. Draws when something has changed, at most once a frame.
+
+import { along } from "./path.js";
+
+const TRAIL_MAX = 40000;
+
+export class MapPicture {
+  constructor(canvas, view, path) {
+    Object.assign(this, { canvas, view, path });
+    this.context = canvas.getContext("2d");
+    this.robot = { radius: 0.037, pose: null, truth: null, start: null };
+    this.trails = { estimate: [], truth: [] };
+    this.active = null; // path in force
+    this.current = 0; // waypoint that is driven to
+    this.acceptance = 0;
+    this.map = null;
+    this.roadmap = null;
+    this.goal = null;
+    this.stroke = null; // freehand line
+    this.show = { circles: true, roadmap: false };
+    this.prediction = null;
+    this.dirty = false;
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.touch());
+  }
+
+  touch() {
+    if (this.dirty) return;
+    this.dirty = true;
+    requestAnimationFrame(() => {
+      this.dirty = false;
+      this.draw();
+    });
+  }
+
+  colour(name) {
+    return getComputedStyle(document.body).getPropertyValue(`--${name}`).trim();
+  }
+
+  extendTrail(which, x, y) {
+    const trail = this.trails[which];
+    const last = trail[trail.length - 1];
+    if (last && Math.hypot(x - last[0], y - last[1]) < 0.0005) return;
+    trail.push([x, y]);
+    if (trail.length > TRAIL_MAX) this.trails[which] = trail.filter((_, i) => i % 2 === 0);
+  }
+
+  /** Everything there is, as a box. */
+  extent() {
+    const points = [...this.path.points, ...(this.active?.waypoints ?? [])];
+    const at = this.robot.pose ?? this.robot.start;
+    if (at) points.push([at.x, at.y]);
+    if (this.map) points.push([this.map.x0, this.map.y0], [this.map.x1, this.map.y1]);
+    if (!points.length) return [-0.5, -0.5, 0.5, 0.5];
+    const xs = points.map((p) => p[0]);
+    const ys = points.map((p) => p[1]);
+    return [xs.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b)), ys.reduce((a, b) => Math.max(a, b))];
+  }
+
+  draw() {
+    const { context: c, view } = this;
+    c.clearRect(0, 0, view.width, view.height);
+    c.fillStyle = this.colour("floor");
+    c.fillRect(0, 0, view.width, view.height);
+    c.lineJoin = c.lineCap = "round";
+    this.drawGrid();
+    this.drawMap();
+    if (this.show.roadmap && this.roadmap) this.drawRoadmap();
+    this.drawTrail(this.trails.truth, this.colour("orange"), 3);
+    this.drawTrail(this.trails.estimate, this.colour("blue"), 1.5);
+    if (this.active) this.drawActive();
+    this.drawDrawn();
+    if (this.stroke) this.line(this.stroke, this.colour("purple"), 2.5);
+    if (this.goal) this.drawGoal();
+    if (this.robot.truth) this.drawRobot(this.robot.truth, this.colour("orange"), false);
+    if (this.robot.pose) this.drawRobot(this.robot.pose, this.colour("blue"), true);
+    // Not armed yet: where the system file says that it stands.
+    else if (this.robot.start) this.drawRobot(this.robot.start, this.colour("dim"), false);
+    this.drawScale();
+  }
+
+  line(points, colour, width, dash = []) {
+    if (points.length < 2) return;
+    const c = this.context;
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.setLineDash(dash);
+    c.beginPath();
+    points.forEach(([x, y], i) => {
+      const [px, py] = this.view.toScreen(x, y);
+      if (i) c.lineTo(px, py);
+      else c.moveTo(px, py);
+    });
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  // Points closer than a pixel to the one before are left out.
+  drawTrail(trail, colour, width) {
+    const near = 0.7 / this.view.scale;
+    let last = null;
+    const seen = trail.filter((p, i) => {
+      const keep = !last || i === trail.length - 1 || Math.abs(p[0] - last[0]) + Math.abs(p[1] - last[1]) > near;
+      if (keep) last = p;
+      return keep;
+    });
+    this.line(seen, colour, width);
+  }
+
+  step() {
+    const wanted = 70 / this.view.scale;
+    const power = 10 ** Math.floor(Math.log10(wanted));
+    return [1, 2, 5, 10].map((n) => n * power).find((n) => n >= wanted);
+  }
+
+  drawGrid() {
+    const { context: c, view } = this;
+    const step = this.step();
+    const [x0, y1] = view.toWorld(0, 0);
+    const [x1, y0] = view.toWorld(view.width, view.height);
+    c.strokeStyle = this.colour("grid");
+    c.lineWidth = 1;
+    c.beginPath();
+    for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) {
+      const [px] = view.toScreen(x, 0);
+      c.moveTo(Math.round(px) + 0.5, 0);
+      c.lineTo(Math.round(px) + 0.5, view.height);
+    }
+    for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) {
+      const [, py] = view.toScreen(0, y);
+      c.moveTo(0, Math.round(py) + 0.5);
+      c.lineTo(view.width, Math.round(py) + 0.5);
+    }
+    c.stroke();
+    const [ox, oy] = view.toScreen(0, 0);
+    c.strokeStyle = this.colour("edge");
+    c.beginPath();
+    c.moveTo(ox, 0);
+    c.lineTo(ox, view.height);
+    c.moveTo(0, oy);
+    c.lineTo(view.width, oy);
+    c.stroke();
+  }
+
+  drawScale() {
+    const { context: c, view } = this;
+    const step = this.step();
+    const length = step * view.scale;
+    const text = step >= 1 ? `${step} m` : `${Math.round(step * 1000)} mm`;
+    const [x, y] = [12, 22];
+    c.strokeStyle = c.fillStyle = this.colour("ink");
+    c.lineWidth = 2;
+    c.beginPath();
+    c.moveTo(x, y - 5);
+    c.lineTo(x, y);
+    c.lineTo(x + length, y);
+    c.lineTo(x + length, y - 5);
+    c.stroke();
+    c.font = "12px system-ui, sans-serif";
+    c.textAlign = "left";
+    c.fillText(text, x + 4, y - 5);
+  }
+
+  drawMap() {
+    if (!this.map) return;
+    const { context: c, view, map } = this;
+    const [px0, py1] = view.toScreen(map.x0, map.y0);
+    const [px1, py0] = view.toScreen(map.x1, map.y1);
+    if (map.image) {
+      c.imageSmoothingEnabled = false;
+      c.save();
+      const [ox, oy] = view.toScreen(map.origin[0], map.origin[1]);
+      c.translate(ox, oy);
+      c.rotate(-map.origin[2]);
+      c.drawImage(map.image, 0, -map.height_m * view.scale, map.width_m * view.scale, map.height_m * view.scale);
+      c.restore();
+    }
+    c.strokeStyle = this.colour("dim");
+    c.lineWidth = 1.5;
+    c.strokeRect(px0, py0, px1 - px0, py1 - py0);
+    c.fillStyle = this.colour("obstacle");
+    c.strokeStyle = this.colour("obstacle-edge");
+    for (const shape of map.obstacles ?? []) {
+      c.beginPath();
+      if (shape.disc) {
+        const [x, y, r] = shape.disc;
+        const [px, py] = view.toScreen(x, y);
+        c.arc(px, py, r * view.scale, 0, 2 * Math.PI);
+      } else {
+        shape.polygon.forEach(([x, y], i) => c[i ? "lineTo" : "moveTo"](...view.toScreen(x, y)));
+        c.closePath();
+      }
+      c.fill();
+      c.stroke();
+    }
+  }
+
+  drawRoadmap() {
+    const c = this.context;
+    c.strokeStyle = this.colour("purple");
+    c.globalAlpha = 0.5;
+    c.lineWidth = 1;
+    c.beginPath();
+    for (const [x0, y0, x1, y1] of this.roadmap) {
+      c.moveTo(...this.view.toScreen(x0, y0));
+      c.lineTo(...this.view.toScreen(x1, y1));
+    }
+    c.stroke();
+    c.globalAlpha = 1;
+  }
+
+  outline(waypoints) {
+    return waypoints.flatMap((p, i) => (i ? along(waypoints[i - 1], p) : [[p[0], p[1]]]));
+  }
+
+  circles(waypoints, from, colour) {
+    const c = this.context;
+    const radius = this.acceptance * this.view.scale;
+    if (!this.show.circles || radius < 3) return;
+    c.strokeStyle = colour;
+    c.globalAlpha = 0.75;
+    c.lineWidth = 1;
+    c.setLineDash([3, 3]);
+    for (const [x, y] of waypoints.slice(from, from + 2000)) {
+      const [px, py] = this.view.toScreen(x, y);
+      if (px < -radius || py < -radius || px > this.view.width + radius || py > this.view.height + radius) continue;
+      c.beginPath();
+      c.arc(px, py, radius, 0, 2 * Math.PI);
+      c.stroke();
+    }
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  drawActive() {
+    const { context: c, view } = this;
+    const points = this.active.waypoints;
+    const colour = this.colour("green");
+    this.line(this.outline(points), colour, 2);
+    this.circles(points, Math.max(0, this.current - 1), colour);
+    points.forEach(([x, y], i) => {
+      if (points.length > 500 && i !== this.current) return;
+      const [px, py] = view.toScreen(x, y);
+      c.beginPath();
+      c.arc(px, py, i === this.current ? 6 : 3, 0, 2 * Math.PI);
+      c.fillStyle = i < this.current ? this.colour("dim") : colour;
+      c.fill();
+    });
+  }
+
+  drawDrawn() {
+    const { context: c, view, path } = this;
+    if (!path.unsent || !path.points.length) return;
+    const colour = this.colour("purple");
+    this.line(this.outline(path.points), colour, 2, [7, 5]);
+    this.circles(path.points, 0, colour);
+    const bad = this.prediction?.bad ?? new Map();
+    path.points.forEach(([x, y], i) => {
+      const [px, py] = view.toScreen(x, y);
+      const trouble = bad.has(i);
+      if (trouble) {
+        c.strokeStyle = this.colour("red");
+        c.lineWidth = 3;
+        c.beginPath();
+        c.moveTo(px, py - 13);
+        c.lineTo(px + 12, py + 8);
+        c.lineTo(px - 12, py + 8);
+        c.closePath();
+        c.stroke();
+        c.fillStyle = this.colour("red");
+        c.font = "bold 12px system-ui, sans-serif";
+        c.textAlign = "left";
+        c.fillText(`${(bad.get(i) * 1e3).toFixed(0)} mm`, px + 15, py + 4);
+      }
+      c.beginPath();
+      c.rect(px - 4.5, py - 4.5, 9, 9);
+      c.fillStyle = i === path.selected ? this.colour("yellow") : colour;
+      c.fill();
+      c.strokeStyle = this.colour("floor");
+      c.lineWidth = 1;
+      c.stroke();
+      if (path.points.length <= 60 && view.scale > 60 && !trouble) {
+        c.fillStyle = this.colour("dim");
+        c.font = "11px system-ui, sans-serif";
+        c.textAlign = "left";
+        c.fillText(String(i), px + 8, py - 6);
+      }
+    });
+  }
+
+  drawGoal() {
+    const c = this.context;
+    const [px, py] = this.view.toScreen(...this.goal);
+    c.strokeStyle = this.colour("yellow");
+    c.lineWidth = 2.5;
+    c.beginPath();
+    c.moveTo(px - 9, py - 9);
+    c.lineTo(px + 9, py + 9);
+    c.moveTo(px + 9, py - 9);
+    c.lineTo(px - 9, py + 9);
+    c.stroke();
+  }
+
+  drawRobot({ x, y, theta }, colour, filled) {
+    const c = this.context;
+    const [px, py] = this.view.toScreen(x, y);
+    const radius = Math.max(7, this.robot.radius * this.view.scale);
+    c.save();
+    c.translate(px, py);
+    c.rotate(-theta);
+    c.beginPath();
+    c.arc(0, 0, radius, 0, 2 * Math.PI);
+    c.lineWidth = 2.5;
+    c.strokeStyle = colour;
+    if (filled) {
+      c.globalAlpha = 0.25;
+      c.fillStyle = colour;
+      c.fill();
+      c.globalAlpha = 1;
+    } else c.setLineDash([4, 3]);
+    c.stroke();
+    c.setLineDash([]);
+    c.beginPath();
+    c.moveTo(radius * 0.95, 0);
+    c.lineTo(-radius * 0.35, radius * 0.5);
+    c.lineTo(-radius * 0.35, -radius * 0.5);
+    c.closePath();
+    if (filled) {
+      c.fillStyle = colour;
+      c.fill();
+    } else c.stroke();
+    c.restore();
+  }
+}

@@ -1,0 +1,175 @@
+// Live plots of the last minute.
+
+const SECONDS = 60;
+const HELD = 2000;
+
+function colour(name) {
+  return getComputedStyle(document.body).getPropertyValue(`--${name}`).trim();
+}
+
+/** A piece of a line, for a legend. */
+export function lineSample(ink, dash) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("width", "22");
+  svg.setAttribute("height", "6");
+  svg.setAttribute("aria-hidden", "true");
+  const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+  const set = { x1: 0, y1: 3, x2: 22, y2: 3, stroke: `var(--${ink})`, "stroke-width": 2.5, "stroke-dasharray": dash };
+  for (const [name, value] of Object.entries(set)) line.setAttribute(name, value);
+  svg.append(line);
+  return svg;
+}
+
+/** A plot of values over time, newest at the right. */
+export class Strip {
+  constructor(host, series, { zero = false } = {}) {
+    this.host = host;
+    this.names = series;
+    this.zero = zero;
+    this.data = [[], ...series.map(() => [])];
+    this.legend();
+    this.build();
+    new ResizeObserver(() => this.plot.setSize(this.size())).observe(host);
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => {
+      this.plot.destroy();
+      this.build();
+    });
+  }
+
+  /** Line, name and newest value of each series, in the caption. */
+  legend() {
+    this.newest = this.names.map(({ label, ink, dash }) => {
+      const item = document.createElement("span");
+      item.className = "key";
+      item.append(lineSample(ink, dash?.join(" ") ?? ""), ` ${label} `);
+      const value = document.createElement("b");
+      item.append(value);
+      this.host.previousElementSibling.append(item);
+      return value;
+    });
+  }
+
+  size() {
+    return { width: Math.max(120, this.host.clientWidth), height: Math.max(60, this.host.clientHeight) };
+  }
+
+  build() {
+    const axis = { stroke: colour("dim"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
+    this.plot = new uPlot(
+      {
+        ...this.size(),
+        cursor: { drag: { x: false, y: false } },
+        legend: { show: false },
+        scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
+        axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 44 }],
+        series: [
+          {},
+          ...this.names.map(({ label, ink, dash }) => ({ label, stroke: colour(ink), width: 1.6, dash, points: { show: false } })),
+        ],
+      },
+      this.data,
+      this.host,
+    );
+  }
+
+  range(low, high) {
+    if (low == null || !Number.isFinite(low)) return [0, 1];
+    if (this.zero) low = Math.min(0, low);
+    const margin = Math.max((high - low) * 0.08, 0.05);
+    return [this.zero && low === 0 ? 0 : low - margin, high + margin];
+  }
+
+  push(t, values) {
+    const times = this.data[0];
+    if (times.length && t <= times[times.length - 1]) {
+      if (t < times[times.length - 1] - 1) this.clear();
+      else return;
+    }
+    times.push(t);
+    values.forEach((value, i) => this.data[i + 1].push(value));
+    let old = 0;
+    while (times[old] < t - SECONDS) old++;
+    old = Math.max(old, times.length - HELD);
+    if (old > 0) this.data.forEach((column) => column.splice(0, old));
+  }
+
+  clear() {
+    this.data.forEach((column) => column.splice(0));
+  }
+
+  draw() {
+    this.newest.forEach((place, i) => {
+      const value = this.data[i + 1].at(-1);
+      place.textContent = value == null ? "–" : value.toFixed(1).replace(/^-0\.0$/, "0.0");
+    });
+    this.plot.setData(this.data);
+  }
+}
+
+/** How many ticks were how late: bars over powers of two, heights in powers of ten. */
+export class Bars {
+  constructor(host) {
+    this.host = host;
+    this.canvas = document.createElement("canvas");
+    this.canvas.setAttribute("role", "img");
+    host.append(this.canvas);
+    this.buckets = [];
+    new ResizeObserver(() => this.draw()).observe(host);
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.draw());
+  }
+
+  /** Buckets are [upper bound in µs, count]. */
+  show(buckets, quantiles) {
+    this.buckets = buckets;
+    const text = quantiles ? `half within ${quantiles.p50} µs, 99 % within ${quantiles.p99} µs, worst ${quantiles.max} µs` : "nothing measured yet";
+    this.canvas.setAttribute("aria-label", `Lateness of the tick: ${text}`);
+    this.quantiles = quantiles;
+    this.draw();
+  }
+
+  draw() {
+    const ratio = devicePixelRatio || 1;
+    const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    this.canvas.style.width = `${width}px`;
+    this.canvas.style.height = `${height}px`;
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    const c = this.canvas.getContext("2d");
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, width, height);
+    c.font = "11px system-ui, sans-serif";
+    c.fillStyle = colour("dim");
+    if (!this.buckets.length) {
+      c.fillText("no tick yet", 8, 20);
+      return;
+    }
+    const [left, bottom, top] = [34, 18, 16];
+    const tallest = Math.max(1, ...this.buckets.map(([, n]) => n));
+    const decades = Math.max(1, Math.ceil(Math.log10(tallest + 1)));
+    const wide = (width - left - 4) / this.buckets.length;
+    const up = (n) => (n > 0 ? ((height - bottom - top) * Math.log10(n + 1)) / decades : 0);
+    for (let d = 0; d <= decades; d++) {
+      const y = height - bottom - up(10 ** d - 1);
+      c.strokeStyle = colour("grid");
+      c.beginPath();
+      c.moveTo(left, y + 0.5);
+      c.lineTo(width, y + 0.5);
+      c.stroke();
+      c.textAlign = "right";
+      c.fillText(d === 0 ? "0" : `10${[..."⁰¹²³⁴⁵⁶⁷⁸⁹"][d] ?? ""}`, left - 4, y + 4);
+    }
+    this.buckets.forEach(([bound, n], i) => {
+      c.fillStyle = bound > 1000 ? colour("red") : bound > 100 ? colour("orange") : colour("blue");
+      const h = up(n);
+      c.fillRect(left + i * wide + 1, height - bottom - h, Math.max(1, wide - 2), h);
+      c.fillStyle = colour("dim");
+      c.textAlign = "center";
+      if (i % Math.ceil(this.buckets.length / 7) === 0) c.fillText(bound >= 1000 ? `${Math.round(bound / 1000)} ms` : `${bound}`, left + (i + 0.5) * wide, height - 4);
+    });
+    if (this.quantiles) {
+      c.textAlign = "right";
+      c.fillStyle = colour("ink");
+      c.fillText(`p50 ${this.quantiles.p50}  p99 ${this.quantiles.p99}  max ${this.quantiles.max} µs`, width - 4, 11);
+    }
+  }
+}

@@ -1,0 +1,62 @@
+// Where the world lies on the canvas: x to the right, y up, metres.
+
+export class View {
+  constructor(canvas, changed) {
+    this.canvas = canvas;
+    this.changed = changed;
+    this.scale = 400; // pixels a metre
+    this.x = 0;
+    this.y = 0; // world point in the middle
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  resize() {
+    const ratio = devicePixelRatio || 1;
+    const { width, height } = this.canvas.getBoundingClientRect();
+    this.width = width;
+    this.height = height;
+    this.canvas.width = Math.max(1, Math.round(width * ratio));
+    this.canvas.height = Math.max(1, Math.round(height * ratio));
+    this.canvas.getContext("2d").setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.changed();
+  }
+
+  toScreen(x, y) {
+    return [this.width / 2 + (x - this.x) * this.scale, this.height / 2 - (y - this.y) * this.scale];
+  }
+
+  toWorld(px, py) {
+    return [this.x + (px - this.width / 2) / this.scale, this.y - (py - this.height / 2) / this.scale];
+  }
+
+  zoom(factor, px = this.width / 2, py = this.height / 2) {
+    const [x, y] = this.toWorld(px, py);
+    this.scale = Math.min(1e5, Math.max(0.5, this.scale * factor));
+    const [nx, ny] = this.toWorld(px, py);
+    this.x += x - nx;
+    this.y += y - ny;
+    this.changed();
+  }
+
+  pan(dx, dy) {
+    this.x -= dx / this.scale;
+    this.y += dy / this.scale;
+    this.changed();
+  }
+
+  centre(x, y) {
+    this.x = x;
+    this.y = y;
+    this.changed();
+  }
+
+  /** Shows a box [x0, y0, x1, y1] whole. */
+  fit([x0, y0, x1, y1]) {
+    const margin = 48;
+    const span = (a, b) => Math.max(b - a, 0.2);
+    this.scale = Math.min((this.width - margin) / span(x0, x1), (this.height - margin) / span(y0, y1));
+    this.scale = Math.min(4000, Math.max(0.5, this.scale));
+    this.centre((x0 + x1) / 2, (y0 + y1) / 2);
+  }
+}

@@ -1,0 +1,68 @@
+// Waypoints are moved with the mouse and by keys, removed, brought back; a file goes in and comes out the same.
+
+import { assert, at, drawn, inBrowser, show } from "./page.mjs";
+import { readFileSync } from "node:fs";
+
+await inBrowser(async (page) => {
+  await page.click("[data-tool=draw]");
+  await page.locator("#clear").click({ timeout: 1000 }).catch(() => {});
+  await show(page, [-0.2, -0.2, 0.8, 0.6]);
+  for (const [x, y] of [[0, 0], [0.3, 0], [0.3, 0.3], [0.6, 0.3]]) await page.mouse.click(...(await at(page, x, y)));
+  const before = await drawn(page);
+  assert(before.length === 4, `${before.length} waypoints`);
+
+  await page.mouse.move(...(await at(page, ...before[2])));
+  await page.mouse.down();
+  await page.mouse.move(...(await at(page, 0.4, 0.4)), { steps: 8 });
+  await page.mouse.up();
+  const moved = await drawn(page);
+  assert(Math.hypot(moved[2][0] - 0.4, moved[2][1] - 0.4) < 0.005, `dragged to ${moved[2]}`);
+  assert(JSON.stringify([...moved.slice(0, 2), moved[3]]) === JSON.stringify([...before.slice(0, 2), before[3]]), "the others stay");
+
+  // One drag is one step back.
+  await page.keyboard.press("Control+z");
+  assert(JSON.stringify(await drawn(page)) === JSON.stringify(before), "undone");
+  await page.keyboard.press("Control+y");
+  assert(JSON.stringify(await drawn(page)) === JSON.stringify(moved), "redone");
+
+  await page.mouse.click(...(await at(page, ...moved[1])));
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("Shift+ArrowUp");
+  const nudged = await drawn(page);
+  assert(Math.abs(nudged[1][0] - moved[1][0] - 0.01) < 1e-4 && Math.abs(nudged[1][1] - moved[1][1] - 0.001) < 1e-4, `${nudged[1]}`);
+  await page.keyboard.press("Delete");
+  assert((await drawn(page)).length === 3, "removed");
+
+  // Freehand: a shaky line becomes few waypoints.
+  await page.click("#clear");
+  await page.click("[data-tool=free]");
+  await page.mouse.move(...(await at(page, 0, 0)));
+  await page.mouse.down();
+  for (let i = 1; i <= 60; i++) {
+    const [x, y] = i <= 30 ? [i * 0.02, 0.001 * Math.sin(i)] : [0.6, (i - 30) * 0.015];
+    await page.mouse.move(...(await at(page, x, y)));
+  }
+  await page.mouse.up();
+  const free = await drawn(page);
+  assert(free.length >= 3 && free.length <= 8, `${free.length} waypoints of a line of 60`);
+  assert(free.some(([x, y]) => Math.hypot(x - 0.6, y) < 0.02), `the corner is there: ${free}`);
+
+  const [saved] = await Promise.all([page.waitForEvent("download"), page.click("#export")]);
+  const csv = readFileSync(await saved.path(), "utf8");
+  await page.click("#clear");
+  await page.setInputFiles("#file", { name: "back.csv", mimeType: "text/csv", buffer: Buffer.from(csv) });
+  await page.waitForFunction((n) => globalThis.hilare.path.points.length === n, free.length);
+  assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "exported and imported the same");
+
+  for (const [text, said] of [
+    ["a,b\n1,2\n", "bad.csv:1: the first line must be x,y"],
+    ["x,y\n1,2\n3,zwei\n", 'bad.csv:3: "zwei" is not a number'],
+    ["x,y\n1,2,3\n", "bad.csv:2: 3 values, 2 are wanted"],
+    ["x,y\n1,2\n", "bad.csv: 1 waypoints; a path needs 2"],
+    ["x,y\n1,2\n90000,0\n", "bad.csv:3: beyond 10 km"],
+  ]) {
+    await page.setInputFiles("#file", { name: "bad.csv", mimeType: "text/csv", buffer: Buffer.from(text) });
+    await page.waitForFunction((said) => document.getElementById("hint").textContent.startsWith(said), said);
+  }
+  assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "what was refused changes nothing");
+});
