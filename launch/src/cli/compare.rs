@@ -1,8 +1,9 @@
 //! `hilare compare`: laws side by side on the same jobs; runs that are over, in `compare_runs`.
 
 use super::compare_runs::compare_runs;
+use super::flags::seed_keys;
 use super::plot::ShapeArgs;
-use super::run::{Drive, path_of, seed_keys, time_limit};
+use super::run::{Drive, path_of, time_limit};
 use super::{VerbResult, print, refused, warn};
 use crate::config::{Published, Scenario};
 use crate::manager::Failure;

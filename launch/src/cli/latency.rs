@@ -1,6 +1,6 @@
 //! `hilare latency`, and the bare processes it starts.
 
-use super::run::set_flag;
+use super::flags::set_flag;
 use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::latency::bare::{self, Part, Place};

@@ -9,6 +9,7 @@ mod diagram;
 mod doctor;
 mod ending;
 mod fit;
+pub(crate) mod flags;
 mod latency;
 mod operate;
 mod param;

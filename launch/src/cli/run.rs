@@ -1,8 +1,9 @@
 //! `hilare run` and `hilare demo`.
 
 use super::ending::{End, report};
+use super::flags::{seed_keys, set_flag, set_listen, set_with_drivers, start_keys};
 use super::{VerbResult, print, refused, warn};
-use crate::config::{Driver, Scenario, System, Task};
+use crate::config::{Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
 use crate::operator::port;
@@ -260,66 +261,6 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
     }
     warn(&scenario.warnings());
     Ok(scenario)
-}
-
-/// Sets `--set`, `--controller` and `--standby` at once, because only together they may make sense.
-pub(super) fn set_with_drivers(
-    system: &mut System,
-    set: &[String],
-    controller: Option<&str>,
-    standby: Option<&str>,
-) -> Result<(), Failure> {
-    let mut flags: Vec<(String, String)> = Vec::new();
-    for key in controller.into_iter().flat_map(Driver::keys) {
-        flags.push((format!("--controller {}", controller.unwrap_or_default()), key));
-    }
-    if let Some(name) = standby {
-        flags.push((format!("--standby {name}"), format!("controller.standby={name}")));
-    }
-    let keys: Vec<&String> = set.iter().chain(flags.iter().map(|(_, key)| key)).collect();
-    system.set_all(&keys).map_err(|error| {
-        let error = error.to_string();
-        // The assignments we made of the flags are nothing the user has written.
-        let own = flags.iter().find_map(|(flag, key)| {
-            error.strip_prefix(&format!("--set {key}: ")).map(|what| format!("{flag}: {what}"))
-        });
-        refused(own.unwrap_or(error))
-    })
-}
-
-/// The seeds of everything that is random.
-pub(crate) fn seed_keys(seed: u64) -> [String; 2] {
-    [format!("plant.seed={seed}"), format!("camera.seed={seed}")]
-}
-
-/// Sets keys on behalf of a flag, whose name an error then bears.
-pub(super) fn set_flag(system: &mut System, flag: &str, value: &str, keys: &[String]) -> Result<(), Failure> {
-    system.set_all(keys).map_err(|error| {
-        let error = error.to_string();
-        // The assignment we made of it is nothing the user has written.
-        let what =
-            keys.iter().find_map(|key| error.strip_prefix(&format!("--set {key}: "))).unwrap_or(&error);
-        refused(format!("{flag} {value}: {what}"))
-    })
-}
-
-/// Where the page listens, if the command line says so.
-pub(super) fn set_listen(system: &mut System, listen: Option<&str>) -> Result<(), Failure> {
-    listen
-        .map_or(Ok(()), |listen| set_flag(system, "--listen", listen, &[format!("operator.listen={listen}")]))
-}
-
-/// `X,Y,THETA` as assignments to the system's start pose, whose bounds then apply.
-fn start_keys(text: &str) -> Result<[String; 3], Failure> {
-    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
-    match parts[..] {
-        [x, y, theta] => {
-            Ok([format!("start.x_m={x}"), format!("start.y_m={y}"), format!("start.theta_rad={theta}")])
-        }
-        _ => {
-            Err(refused(format!("--start {text}: three numbers are wanted, X,Y,THETA in metres and radians")))
-        }
-    }
 }
 
 /// Makes the report's directory now, so that an unwritable one is known before the robot moves.

@@ -77,7 +77,7 @@ fn wanted(args: &SystemdArgs) -> Result<Wanted, Failure> {
     system.set_all(&args.set).map_err(refused)?;
     warn(&system.warnings());
     if let Some(robot) = &args.robot {
-        super::run::set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
+        super::flags::set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
     // A unit starts in the root directory.
     let is_relative = |file: &Path| file.is_relative() && file.is_file();

@@ -1,6 +1,7 @@
 //! `hilare up`: a robot that stays up.
 
-use super::run::{set_flag, set_listen, set_with_drivers, show_page};
+use super::flags::{set_flag, set_listen, set_with_drivers};
+use super::run::show_page;
 use super::{VerbResult, print, refused, warn};
 use crate::config::System;
 use crate::logging::{self, LogSink};

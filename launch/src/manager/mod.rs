@@ -18,6 +18,7 @@ mod crew;
 mod ending;
 mod lateness;
 mod member;
+mod ports;
 mod start;
 mod supervise;
 mod swap;
@@ -31,21 +32,20 @@ use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
 use crate::shell::realtime::Granted;
-use crate::shell::transport::{
-    Domain, HeldServices, Input, Janitor, Output, SliceOutput, Sweeper, TransportError,
-};
+use crate::shell::transport::{Domain, HeldServices, Janitor, Sweeper};
 use control::{Call, Response};
 pub use counts::Counts;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use hilare_interfaces::latency::Quantiles;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{
-    Answer, Authority, Drive, GoalHeader, Health, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
+    Authority, Drive, GoalHeader, Mode, Pose, Reference, ReferenceState, Steps, Waypoint,
 };
-use hilare_interfaces::wires::{self, Role, watch};
+use hilare_interfaces::wires::Role;
 use join::Workers;
 pub use lateness::{Cause, LateTick, Timings};
 use member::{Duty, Member};
+use ports::Ports;
 use robot_dir::RobotDir;
 use std::collections::VecDeque;
 use std::iter;
@@ -134,17 +134,6 @@ pub enum Failure {
     Fault(String),
     /// Told to end before it was up.
     Interrupted,
-}
-
-/// Launch's own ports.
-struct Ports {
-    authority: Output<Authority>,
-    goal: SliceOutput<GoalHeader, Waypoint>,
-    answer: Input<Answer>,
-    health: Input<Health>,
-    steps: Input<Steps>,
-    pose: Input<Pose>,
-    reference: Input<Reference>,
 }
 
 /// A goal that was passed on and not yet answered.
@@ -435,19 +424,5 @@ impl Manager {
     /// The last waypoint was accepted.
     pub fn arrived(&self) -> bool {
         self.newest.reference.state == ReferenceState::Arrived.code()
-    }
-}
-
-impl Ports {
-    fn open(domain: &Domain) -> Result<Self, TransportError> {
-        Ok(Self {
-            authority: domain.output(&wires::AUTHORITY)?,
-            goal: domain.slice_output(&wires::GOAL)?,
-            answer: domain.input(&wires::ANSWER)?,
-            health: domain.input(&wires::HEALTH)?,
-            steps: domain.newest(&watch::STEPS)?,
-            pose: domain.newest(&watch::POSE)?,
-            reference: domain.newest(&watch::REFERENCE)?,
-        })
     }
 }

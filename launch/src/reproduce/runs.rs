@@ -1,6 +1,7 @@
 //! The drives behind the figures: in one thread each and virtual time, on every core.
 
-use crate::cli::run::{Drive, path_of, seed_keys, time_limit};
+use crate::cli::flags::seed_keys;
+use crate::cli::run::{Drive, path_of, time_limit};
 use crate::config::{Scenario, System};
 use crate::manager::Failure;
 use crate::report::{Correction, thin};

@@ -1,7 +1,8 @@
 //! What a search is: the plan that is kept beside its log, and all that comes of it.
 
 use super::TuneArgs;
-use crate::cli::run::{path_of, set_with_drivers};
+use crate::cli::flags::set_with_drivers;
+use crate::cli::run::path_of;
 use crate::cli::{refused, warn};
 use crate::config::{Scenario, System};
 use crate::manager::Failure;
