@@ -226,6 +226,15 @@ fn what_cannot_be_is_refused_in_a_line_and_changes_nothing() {
     assert_eq!(robot.tell(&["param", "get", "controller.qp.horizon"]), "controller.qp.horizon 4\n");
     robot.moves_on();
     assert_eq!(number(&robot.status(), "commands_rejected"), 0.0);
+    // Centimetres where metres are wanted are within the bounds; they are driven with, and said.
+    for verb in [&["param", "set"][..], &["swap", "controller", "--set"]] {
+        let unusual = if verb[0] == "swap" { "controller.qp.knee_m=0.05" } else { "tracking.speed_mps=4" };
+        let ended = lab.hilare(&[verb, &[unusual, "--robot", &robot.name]].concat()).expect_code(0);
+        assert!(
+            ended.stderr.starts_with("hilare: warning: ") && ended.stderr.contains("unusual"),
+            "{ended:#?}"
+        );
+    }
     robot.down();
 }
 

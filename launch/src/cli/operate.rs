@@ -1,6 +1,6 @@
 //! Verbs that speak to a running robot.
 
-use super::{VerbResult, print, refused};
+use super::{VerbResult, print, refused, warn};
 use crate::config::{Driver, System};
 use crate::manager::control::{Request, Response, ask};
 use crate::manager::robot_dir::{Living, latched_robots, living_robots, log_path, unlatch_estop};
@@ -202,7 +202,25 @@ pub fn swap(args: &SwapArgs) -> VerbResult {
     };
     let set = args.set.iter().map(|assignment| with_map_found(assignment)).collect::<Result<_, _>>()?;
     let request = Request::Swap { role: args.role.clone(), driver, set };
-    order(&args.robot, &request)
+    let robot = choose(args.robot.robot.as_ref())?;
+    let response = send(&robot, &request)?;
+    if response.ok {
+        warn_of(&robot, &args.set);
+    }
+    show(&response, args.robot.json)
+}
+
+/// Says what is unusual of what was set, as it is said of a system file.
+pub(super) fn warn_of(robot: &Living, set: &[String]) {
+    let Ok(mut system) = system_in_force(robot) else { return };
+    if system.set_all(set).is_err() {
+        return;
+    }
+    let said = system.warnings();
+    let of_these = set.iter().filter_map(|assignment| {
+        said.iter().find_map(|line| line.strip_prefix(&format!("--set {assignment}: ")))
+    });
+    warn(&of_these.map(str::to_owned).collect::<Vec<_>>());
 }
 
 /// An assignment as launch is to read it: a map is looked for, and looked at, here.

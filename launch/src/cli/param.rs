@@ -1,6 +1,6 @@
 //! `hilare param`: what the parameters are, and other ones while the robot drives.
 
-use super::operate::{RobotArgs, choose, send, show, system_in_force, with_map_found};
+use super::operate::{RobotArgs, choose, send, show, system_in_force, warn_of, with_map_found};
 use super::{VerbResult, print, refused};
 use crate::config::{Key, Liveness, System};
 use crate::manager::Failure;
@@ -153,8 +153,11 @@ fn table(system: &System, keys: &[Key]) -> String {
 
 fn change(set: &[String], robot: &RobotArgs) -> VerbResult {
     let living = choose(robot.robot.as_ref())?;
-    let set = set.iter().map(|assignment| with_map_found(assignment)).collect::<Result<_, _>>()?;
-    let response = send(&living, &Request::Set(set))?;
+    let found = set.iter().map(|assignment| with_map_found(assignment)).collect::<Result<_, _>>()?;
+    let response = send(&living, &Request::Set(found))?;
+    if response.ok {
+        warn_of(&living, set);
+    }
     let Some(outcome) = response.param.as_ref().filter(|_| robot.json) else {
         return show(&response, robot.json);
     };
