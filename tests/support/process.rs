@@ -42,6 +42,14 @@ impl Ended {
     }
 }
 
+/// Children are to know Ctrl-C, also where the tests were started in the background: there shells have it ignored, and
+/// children inherit that.
+#[expect(unsafe_code, reason = "the library has no safe call for it")]
+fn heed_interrupts() {
+    // SAFETY: no handler is installed.
+    unsafe { libc::signal(libc::SIGINT, libc::SIG_DFL) };
+}
+
 impl Running {
     /// Starts a command, its output collected.
     pub fn start(mut command: Command) -> Self {
@@ -52,6 +60,7 @@ impl Running {
     /// Starts a command whose output was redirected by the caller.
     pub fn start_as_is(mut command: Command) -> Self {
         let what = format!("{command:?}");
+        heed_interrupts();
         let mut child = command.spawn().unwrap_or_else(|error| panic!("{what}: {error}"));
         let stdout = child.stdout.take().map(collect);
         let stderr = child.stderr.take().map(collect);
