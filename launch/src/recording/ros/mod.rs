@@ -11,6 +11,8 @@
 //! | `/ground_truth` | geometry_msgs/PoseStamped | true pose of a simulated robot |
 //! | `/cmd_vel` | geometry_msgs/TwistStamped | the same twist |
 //! | `/joint_states` | sensor_msgs/JointState | the wheels: where they are told to be, and how fast |
+//! | `/cross_track_error` | std_msgs/Float64 | distance of the estimated pose from the path, m, positive to the left of it |
+//! | `/cross_track_error/truth` | std_msgs/Float64 | the same of the true pose |
 //! | `/reference` | geometry_msgs/PoseStamped | current waypoint, when it changes and once a second |
 //! | `/path` | nav_msgs/Path | the path, arcs in short pieces |
 //! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator and every process, once a second; states when they change |
@@ -21,15 +23,18 @@ mod messages;
 
 use super::part::View;
 use super::wires::Entry;
+use crate::look::wires::cross_track_m;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Health, Reference};
-use messages::{Stamp, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose};
+use messages::{
+    Stamp, float64, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose,
+};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Topic and type of each view.
-const VIEWS: [(&str, &str); 8] = [
+const VIEWS: [(&str, &str); 10] = [
     ("/odom", "nav_msgs/Odometry"),
     ("/tf", "tf2_msgs/TFMessage"),
     ("/ground_truth", "geometry_msgs/PoseStamped"),
@@ -38,6 +43,8 @@ const VIEWS: [(&str, &str); 8] = [
     ("/reference", "geometry_msgs/PoseStamped"),
     ("/path", "nav_msgs/Path"),
     ("/diagnostics", "diagnostic_msgs/DiagnosticArray"),
+    ("/cross_track_error", "std_msgs/Float64"),
+    ("/cross_track_error/truth", "std_msgs/Float64"),
 ];
 
 const ODOM: usize = 0;
@@ -48,6 +55,8 @@ const JOINT_STATES: usize = 4;
 const REFERENCE: usize = 5;
 const PATH: usize = 6;
 const DIAGNOSTICS: usize = 7;
+const CROSS_TRACK: usize = 8;
+const CROSS_TRACK_TRUTH: usize = 9;
 
 /// Twists kept for poses that come later, and the other way round; beyond, the wire of the others is silent.
 const MAX_WAITING: usize = 4096;
@@ -55,7 +64,7 @@ const MAX_WAITING: usize = 4096;
 /// Channels of the views.
 pub fn channels() -> Vec<View> {
     let view = |(topic, name): (&'static str, &'static str)| View {
-        topic,
+        topic: topic.to_owned(),
         type_name: name.replace('/', "/msg/"),
         definition: definitions::definition(name),
     };
@@ -70,6 +79,8 @@ pub struct Views {
     /// Twists of control periods whose poses are to come, and poses whose twists are.
     twists: VecDeque<(Tick, [f64; 3])>,
     poses: VecDeque<(Tick, u64, WorldPose)>,
+    /// The newest reference and the one before it.
+    references: [Option<Reference>; 2],
     /// Path and place of the waypoint told last, and when.
     told: Option<(u64, u64, Tick)>,
     /// State of each process told last, and when.
@@ -87,6 +98,7 @@ impl Views {
             count_rad,
             twists: VecDeque::new(),
             poses: VecDeque::new(),
+            references: [None; 2],
             fared: BTreeMap::new(),
             told: None,
             cdr: Vec::new(),
@@ -96,6 +108,7 @@ impl Views {
     /// Every view of a message, with its time, as CDR to `write`.
     pub fn of(&mut self, entry: &Entry, time_ns: u64, mut write: impl FnMut(usize, u64, &[u8])) {
         let stamp = Stamp::of(time_ns);
+        let aside_m = self.aside_m(entry);
         let mut cdr = std::mem::take(&mut self.cdr);
         let mut tell_at = |time_ns: u64, view: usize, make: &dyn Fn(&mut Vec<u8>)| {
             cdr.clear();
@@ -116,9 +129,15 @@ impl Views {
             Entry::Pose(pose) if self.is_due(pose.tick) => {
                 keep(&mut self.poses, (pose.tick, time_ns, pose.pose()));
                 tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
+                if let Some(aside_m) = aside_m {
+                    tell(CROSS_TRACK, &|cdr| float64(cdr, aside_m));
+                }
             }
             Entry::Truth(truth) if self.is_due(truth.tick) => {
                 tell(GROUND_TRUTH, &|cdr| pose_stamped(cdr, stamp, truth.pose()));
+                if let Some(aside_m) = aside_m {
+                    tell(CROSS_TRACK_TRUTH, &|cdr| float64(cdr, aside_m));
+                }
             }
             Entry::Reference(reference) if self.is_news(reference) => {
                 let pose = waypoint_pose(reference.last, reference.current);
@@ -137,6 +156,22 @@ impl Views {
             tell_at(time_ns, ODOM, &|cdr| odometry(cdr, Stamp::of(time_ns), pose, twist));
         }
         self.cdr = cdr;
+    }
+
+    /// How far a pose is from the path, by the reference that was in force when the robot came there: the newest that
+    /// was chosen before.
+    fn aside_m(&mut self, entry: &Entry) -> Option<f64> {
+        let (tick, position) = match entry {
+            Entry::Reference(reference) => {
+                self.references = [Some(*reference), self.references[0]];
+                return None;
+            }
+            Entry::Pose(pose) if self.is_due(pose.tick) => (pose.tick, pose.pose().position()),
+            Entry::Truth(truth) if self.is_due(truth.tick) => (truth.tick, truth.pose().position()),
+            _ => return None,
+        };
+        let mut known = self.references.iter().flatten();
+        cross_track_m(known.find(|reference| reference.tick < tick)?, position)
     }
 
     fn is_due(&self, tick: Tick) -> bool {
