@@ -165,12 +165,12 @@ def views(wires):
     references = {m.tick: m for m in wires["/hilare/reference"]}
     for topic, places in (("/cross_track_error", poses), ("/cross_track_error/truth", truths)):
         told = [m.data for m in wires[topic]]
-        chosen = {tick: references.get(tick - period) for tick in places}
-        expected = [
-            distance(reference, places[tick].x_m, places[tick].y_m)
-            for tick, reference in sorted(chosen.items())
-            if reference is not None and reference.state != 0
-        ]
+        # By the newest reference chosen before, once there is a later one.
+        expected, before = [], None
+        for tick in sorted(places.keys() | references.keys()):
+            if tick in places and tick <= max(references) and before is not None and before.state != 0:
+                expected.append(distance(before, places[tick].x_m, places[tick].y_m))
+            before = references.get(tick, before)
         assert len(told) == len(expected) > 0, (topic, len(told), len(expected))
         assert max(abs(abs(a) - b) for a, b in zip(told, expected)) < 1e-12, topic
     path, ours = wires["/path"][-1], wires["/hilare/path"][-1]

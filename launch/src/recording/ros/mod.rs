@@ -25,7 +25,7 @@ use super::part::View;
 use super::wires::Entry;
 use crate::look::wires::cross_track_m;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
-use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Health, Reference};
 use messages::{
@@ -60,6 +60,8 @@ const CROSS_TRACK_TRUTH: usize = 9;
 
 /// Twists kept for poses that come later, and the other way round; beyond, the wire of the others is silent.
 const MAX_WAITING: usize = 4096;
+/// References kept for places that come later than they: as many as their wire holds.
+const MAX_REFERENCES: usize = 256;
 
 /// Channels of the views.
 pub fn channels() -> Vec<View> {
@@ -79,8 +81,9 @@ pub struct Views {
     /// Twists of control periods whose poses are to come, and poses whose twists are.
     twists: VecDeque<(Tick, [f64; 3])>,
     poses: VecDeque<(Tick, u64, WorldPose)>,
-    /// The newest reference and the one before it.
-    references: [Option<Reference>; 2],
+    /// Places whose distance from the path is to come: tick, time, view; and the references it goes by.
+    places: VecDeque<(Tick, u64, usize, WorldPoint)>,
+    references: VecDeque<Reference>,
     /// Path and place of the waypoint told last, and when.
     told: Option<(u64, u64, Tick)>,
     /// State of each process told last, and when.
@@ -98,7 +101,8 @@ impl Views {
             count_rad,
             twists: VecDeque::new(),
             poses: VecDeque::new(),
-            references: [None; 2],
+            places: VecDeque::new(),
+            references: VecDeque::new(),
             fared: BTreeMap::new(),
             told: None,
             cdr: Vec::new(),
@@ -108,7 +112,6 @@ impl Views {
     /// Every view of a message, with its time, as CDR to `write`.
     pub fn of(&mut self, entry: &Entry, time_ns: u64, mut write: impl FnMut(usize, u64, &[u8])) {
         let stamp = Stamp::of(time_ns);
-        let aside_m = self.aside_m(entry);
         let mut cdr = std::mem::take(&mut self.cdr);
         let mut tell_at = |time_ns: u64, view: usize, make: &dyn Fn(&mut Vec<u8>)| {
             cdr.clear();
@@ -129,19 +132,21 @@ impl Views {
             Entry::Pose(pose) if self.is_due(pose.tick) => {
                 keep(&mut self.poses, (pose.tick, time_ns, pose.pose()));
                 tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
-                if let Some(aside_m) = aside_m {
-                    tell(CROSS_TRACK, &|cdr| float64(cdr, aside_m));
-                }
+                keep(&mut self.places, (pose.tick, time_ns, CROSS_TRACK, pose.pose().position()));
             }
             Entry::Truth(truth) if self.is_due(truth.tick) => {
                 tell(GROUND_TRUTH, &|cdr| pose_stamped(cdr, stamp, truth.pose()));
-                if let Some(aside_m) = aside_m {
-                    tell(CROSS_TRACK_TRUTH, &|cdr| float64(cdr, aside_m));
-                }
+                keep(&mut self.places, (truth.tick, time_ns, CROSS_TRACK_TRUTH, truth.pose().position()));
             }
-            Entry::Reference(reference) if self.is_news(reference) => {
-                let pose = waypoint_pose(reference.last, reference.current);
-                tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
+            Entry::Reference(reference) => {
+                if self.references.len() == MAX_REFERENCES {
+                    self.references.pop_front();
+                }
+                self.references.push_back(*reference);
+                if self.is_news(reference) {
+                    let pose = waypoint_pose(reference.last, reference.current);
+                    tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
+                }
             }
             Entry::Path(_, waypoints) => tell(PATH, &|cdr| path(cdr, stamp, waypoints)),
             other => {
@@ -155,23 +160,25 @@ impl Views {
         while let Some((time_ns, pose, twist)) = self.next_pair() {
             tell_at(time_ns, ODOM, &|cdr| odometry(cdr, Stamp::of(time_ns), pose, twist));
         }
+        while let Some((time_ns, view, aside_m)) = self.next_aside() {
+            tell_at(time_ns, view, &|cdr| float64(cdr, aside_m));
+        }
         self.cdr = cdr;
     }
 
-    /// How far a pose is from the path, by the reference that was in force when the robot came there: the newest that
-    /// was chosen before.
-    fn aside_m(&mut self, entry: &Entry) -> Option<f64> {
-        let (tick, position) = match entry {
-            Entry::Reference(reference) => {
-                self.references = [Some(*reference), self.references[0]];
-                return None;
+    /// The oldest place for which the reference is known that was in force when the robot came there: the newest that
+    /// was chosen before. Known it is as soon as a later one has come.
+    fn next_aside(&mut self) -> Option<(u64, usize, f64)> {
+        loop {
+            let (tick, ..) = *self.places.front()?;
+            let after = self.references.iter().position(|reference| reference.tick >= tick)?;
+            let (_, time_ns, view, place) = self.places.pop_front()?;
+            // Without one there was no path.
+            let before = after.checked_sub(1).map(|before| &self.references[before]);
+            if let Some(aside_m) = before.and_then(|reference| cross_track_m(reference, place)) {
+                return Some((time_ns, view, aside_m));
             }
-            Entry::Pose(pose) if self.is_due(pose.tick) => (pose.tick, pose.pose().position()),
-            Entry::Truth(truth) if self.is_due(truth.tick) => (truth.tick, truth.pose().position()),
-            _ => return None,
-        };
-        let mut known = self.references.iter().flatten();
-        cross_track_m(known.find(|reference| reference.tick < tick)?, position)
+        }
     }
 
     fn is_due(&self, tick: Tick) -> bool {
