@@ -44,6 +44,7 @@ struct Desk {
 }
 
 /// Answers on `listener` until the process ends, or says why it cannot.
+#[allow(clippy::needless_pass_by_value, reason = "what is served is this thread's from here on")]
 pub fn serve(listener: std::net::TcpListener, feed: Arc<Feed>, gate: Arc<dyn Gate>) -> io::Result<()> {
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
