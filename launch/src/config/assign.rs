@@ -277,14 +277,20 @@ fn loopback(text: &str) -> Result<(), String> {
 
 /// Refuses what is no list of origins.
 fn origins(text: &str) -> Result<(), String> {
-    let is_origin = |word: &str| {
-        word == "null"
-            || word == "file://"
-            || word.split_once("://").is_some_and(|(scheme, host)| {
-                !scheme.is_empty() && !host.is_empty() && !host.contains(['/', ',', '*'])
-            })
+    let plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+    let is_scheme = |scheme: &str| {
+        scheme.starts_with(|first: char| first.is_ascii_lowercase())
+            && scheme.bytes().all(|byte| plain(byte) || b"+.-".contains(&byte))
     };
-    match text.split_whitespace().find(|word| !is_origin(word)) {
+    let is_host = |host: &str| {
+        !host.is_empty() && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._[]:-".contains(&byte))
+    };
+    let is_origin = |word: &&str| {
+        ["null", "file://"].contains(word)
+            || word.split_once("://").is_some_and(|(scheme, host)| is_scheme(scheme) && is_host(host))
+    };
+    let mut words = text.split(' ').filter(|word| !word.is_empty());
+    match words.find(|word| !is_origin(word)) {
         Some(word) => Err(format!(
             "{} is no origin; write scheme and host as the browser has them, no path, such as http://localhost:8080",
             quoted(word)

@@ -120,7 +120,7 @@ pub(super) static FOXGLOVE_ORIGINS: TextSpec = TextSpec {
     name: "foxglove_origins",
     default: "https://app.foxglove.dev file://",
     choices: Vec::new,
-    pattern: || None,
+    pattern: || Some(r"^ *((null|file://|[a-z][a-z0-9+.-]*://[A-Za-z0-9._\[\]:-]+)( +|$))*$".to_owned()),
     doc: "Origins of the web pages that may look at the live view, apart by spaces (file:// is what desktop apps are); programs that are no browser need none.",
 };
 
