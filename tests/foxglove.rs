@@ -305,7 +305,7 @@ fn addresses_where_it_cannot_be_are_refused_before_anything_moves() {
         ),
         (
             "listen = \"0.0.0.0:8765\"\nfoxglove = \"127.0.0.1:8765\"",
-            "operator.listen and operator.foxglove are both port 8765",
+            "operator.listen and operator.foxglove are both port 8765; give the live view another one",
         ),
         (
             "foxglove_origins = \"http://localhost:8080/lichtblick\"",

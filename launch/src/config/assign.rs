@@ -264,7 +264,9 @@ pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSp
 
 /// Refuses an address of the live view that other machines reach.
 fn loopback(text: &str) -> Result<(), String> {
-    let address = hilare_operator::address::parse(text).map_err(|why| why.replace(":7070", ":8765"))?;
+    // The example at the end is the page's.
+    let example = |why: String| why.strip_suffix("7070").map_or(why.clone(), |why| format!("{why}8765"));
+    let address = hilare_operator::address::parse(text).map_err(example)?;
     if !hilare_operator::address::is_open(address) {
         return Ok(());
     }

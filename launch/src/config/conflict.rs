@@ -90,7 +90,7 @@ fn one_port_for_two(system: &System) -> Option<Conflict> {
         return None;
     }
     let what = format!(
-        "operator.listen and operator.foxglove are both port {taken}; the live view has a port of its own, such as 8765"
+        "operator.listen and operator.foxglove are both port {taken}; give the live view another one"
     );
     Some(Conflict::new(&[("operator", "listen"), ("operator", "foxglove")], what))
 }
