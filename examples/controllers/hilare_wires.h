@@ -80,12 +80,12 @@
 #define HILARE_HEALTH_SERVICE "hilare/health"
 #define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
-/* relay -> recorder, observers, on demand: a point to go to, or waypoints to follow. GoalHeader, then
- * Waypoints. */
+/* relay -> recorder, operator, observers, on demand: a point to go to, or waypoints to follow.
+ * GoalHeader, then Waypoints. */
 #define HILARE_WATCH_GOAL_SERVICE "hilare/watch/goal"
 #define HILARE_WATCH_GOAL_LAYOUT "9798f1174bf0a157 0.1.0"
 
-/* relay -> recorder, observers, on demand: accepted, or why not. Answer. */
+/* relay -> recorder, operator, observers, on demand: accepted, or why not. Answer. */
 #define HILARE_WATCH_ANSWER_SERVICE "hilare/watch/answer"
 #define HILARE_WATCH_ANSWER_LAYOUT "3418c0b7fef52088 0.1.0"
 
@@ -133,12 +133,12 @@
 #define HILARE_WATCH_TRUTH_SERVICE "hilare/watch/truth"
 #define HILARE_WATCH_TRUTH_LAYOUT "e165266f143c0474 0.1.0"
 
-/* relay -> recorder, observers, 20 Hz: state, reason, counters. Health. */
+/* relay -> recorder, operator, observers, 20 Hz: state, reason, counters. Health. */
 #define HILARE_WATCH_HEALTH_SERVICE "hilare/watch/health"
 #define HILARE_WATCH_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
 
-/* relay -> recorder, observers, on demand: what each box took from outside, and at which tick: what a
- * replay needs beside the wires. Journal. */
+/* relay -> recorder, operator, observers, on demand: what each box took from outside, and at which tick:
+ * what a replay needs beside the wires. Journal. */
 #define HILARE_WATCH_JOURNAL_SERVICE "hilare/watch/journal"
 #define HILARE_WATCH_JOURNAL_LAYOUT "bd34c6be9381277f 0.1.0"
 

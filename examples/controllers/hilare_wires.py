@@ -752,11 +752,11 @@ TRUTH = Wire("hilare/truth", Truth, None, "e165266f143c0474 0.1.0")
 # -> launch, relay, 20 Hz: state, reason, counters. Health.
 HEALTH = Wire("hilare/health", Health, None, "4d4e64cd50153a08 0.1.0")
 
-# relay -> recorder, observers, on demand: a point to go to, or waypoints to follow. GoalHeader, then
-# Waypoints.
+# relay -> recorder, operator, observers, on demand: a point to go to, or waypoints to follow. GoalHeader,
+# then Waypoints.
 WATCH_GOAL = Wire("hilare/watch/goal", GoalHeader, Waypoint, "9798f1174bf0a157 0.1.0")
 
-# relay -> recorder, observers, on demand: accepted, or why not. Answer.
+# relay -> recorder, operator, observers, on demand: accepted, or why not. Answer.
 WATCH_ANSWER = Wire("hilare/watch/answer", Answer, None, "3418c0b7fef52088 0.1.0")
 
 # relay -> recorder, operator, observers, on demand: waypoints in the world frame, at most 65 536.
@@ -793,9 +793,9 @@ WATCH_POSE = Wire("hilare/watch/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 # relay -> recorder, operator, observers, 1 kHz: true pose; never seen by the control path. Truth.
 WATCH_TRUTH = Wire("hilare/watch/truth", Truth, None, "e165266f143c0474 0.1.0")
 
-# relay -> recorder, observers, 20 Hz: state, reason, counters. Health.
+# relay -> recorder, operator, observers, 20 Hz: state, reason, counters. Health.
 WATCH_HEALTH = Wire("hilare/watch/health", Health, None, "4d4e64cd50153a08 0.1.0")
 
-# relay -> recorder, observers, on demand: what each box took from outside, and at which tick: what a replay
-# needs beside the wires. Journal.
+# relay -> recorder, operator, observers, on demand: what each box took from outside, and at which tick:
+# what a replay needs beside the wires. Journal.
 WATCH_JOURNAL = Wire("hilare/watch/journal", Journal, None, "bd34c6be9381277f 0.1.0")

@@ -161,6 +161,18 @@ def views(wires):
         ours = steps[tick_of(joints.header)]
         assert list(joints.velocity) == list(ours.wheel_speed_radps)[: len(joints.name)]
         assert len(joints.position) == len(joints.name) and len(joints.effort) == 0
+    # How far from the path: once a control period as soon as there is one, of the pose and of the truth.
+    references = {m.tick: m for m in wires["/hilare/reference"]}
+    for topic, places in (("/cross_track_error", poses), ("/cross_track_error/truth", truths)):
+        told = [m.data for m in wires[topic]]
+        # By the newest reference chosen before, once there is a later one.
+        expected, before = [], None
+        for tick in sorted(places.keys() | references.keys()):
+            if tick in places and tick <= max(references) and before is not None and before.state != 0:
+                expected.append(distance(before, places[tick].x_m, places[tick].y_m))
+            before = references.get(tick, before)
+        assert len(told) == len(expected) > 0, (topic, len(told), len(expected))
+        assert max(abs(abs(a) - b) for a, b in zip(told, expected)) < 1e-12, topic
     path, ours = wires["/path"][-1], wires["/hilare/path"][-1]
     assert path.header.frame_id == "map"
     told = [(p.pose.position.x, p.pose.position.y) for p in path.poses]

@@ -122,6 +122,7 @@ fn beyond_schema(error: &str) -> bool {
         "is above planner.fit",
         "is not below estimator",
         "whole multiple",
+        "are both port",
     ];
     let geometry = ["waypoint ", "waypoints_m: ", "cannot be read", "unknown map", "is not built in"];
     let known = |words: &[&str]| words.iter().any(|word| error.contains(word));

@@ -28,10 +28,10 @@ const fn watch(wire: &Wire, name: &'static str, to: &'static [Reader], history: 
 }
 
 /// Goals, as launch passes them on.
-pub const GOAL: Wire = watch(&super::GOAL, "watch/goal", &[polls(Role::Recorder)], 0);
+pub const GOAL: Wire = watch(&super::GOAL, "watch/goal", LOOKERS, 0);
 
 /// What the planner answers.
-pub const ANSWER: Wire = watch(&super::ANSWER, "watch/answer", &[polls(Role::Recorder)], 0);
+pub const ANSWER: Wire = watch(&super::ANSWER, "watch/answer", LOOKERS, 0);
 
 /// Paths; who comes late gets the one in force.
 pub const PATH: Wire = watch(&super::PATH, "watch/path", LOOKERS, 1);
@@ -77,8 +77,7 @@ pub const POSE: Wire = watch(
 pub const TRUTH: Wire = watch(&super::TRUTH, "watch/truth", LOOKERS, 0);
 
 /// How everybody fares: of all processes on one wire, so deeper than the wire itself.
-pub const HEALTH: Wire =
-    Wire { buffer: 64, ..watch(&super::HEALTH, "watch/health", &[polls(Role::Recorder)], 0) };
+pub const HEALTH: Wire = Wire { buffer: 64, ..watch(&super::HEALTH, "watch/health", LOOKERS, 0) };
 
 /// What each box took from outside, and when. It comes from no wire: the boxes keep it in memory they share with
 /// the relay, because a message more would cost the tick several microseconds.
@@ -88,7 +87,7 @@ pub const JOURNAL: Wire = Wire {
     element: None,
     layout_hash: Journal::LAYOUT_HASH,
     from: &[Role::Relay],
-    to: &[polls(Role::Recorder)],
+    to: LOOKERS,
     rate: Rate::OnDemand,
     buffer: 2048,
     history: 0,

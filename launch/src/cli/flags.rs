@@ -51,6 +51,12 @@ pub(crate) fn set_listen(system: &mut System, listen: Option<&str>) -> Result<()
         .map_or(Ok(()), |listen| set_flag(system, "--listen", listen, &[format!("operator.listen={listen}")]))
 }
 
+/// Where the live view listens, if the command line says so.
+pub(crate) fn set_foxglove(system: &mut System, address: Option<&str>) -> Result<(), Failure> {
+    let set = |address| set_flag(system, "--foxglove", address, &[format!("operator.foxglove={address}")]);
+    address.map_or(Ok(()), set)
+}
+
 /// `X,Y,THETA` as assignments to the system's start pose, whose bounds then apply.
 pub(crate) fn start_keys(text: &str) -> Result<[String; 3], Failure> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();

@@ -1,7 +1,7 @@
 //! `hilare run` and `hilare demo`.
 
 use super::ending::{End, report};
-use super::flags::{seed_keys, set_flag, set_listen, set_with_drivers, start_keys};
+use super::flags::{seed_keys, set_flag, set_foxglove, set_listen, set_with_drivers, start_keys};
 use super::{VerbResult, print, refused, warn};
 use crate::config::{Scenario, System, Task};
 use crate::logging::{self, LogSink};
@@ -36,6 +36,9 @@ pub struct DemoArgs {
     /// Port of the operator's page; 0 for none [default: 7070, or none if that is taken]
     #[arg(long, value_name = "N")]
     port: Option<u16>,
+    /// Address and port of a live view for Foxglove and Lichtblick, e.g. 127.0.0.1:8765
+    #[arg(long, value_name = "ADDR")]
+    foxglove: Option<String>,
     /// Print summary.json instead of the verdict
     #[arg(long)]
     json: bool,
@@ -64,6 +67,9 @@ pub struct RunArgs {
     /// Address and port of the operator's page and metrics for Prometheus, e.g. 127.0.0.1:7070
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
+    /// Address and port of a live view for Foxglove and Lichtblick, e.g. 127.0.0.1:8765
+    #[arg(long, value_name = "ADDR")]
+    foxglove: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     pub(super) clock: ClockKind,
@@ -97,7 +103,7 @@ fn demo_listen(port: Option<u16>) -> Option<String> {
     match port {
         Some(0) => None,
         Some(port) => Some(listen(port)),
-        None => match port::check(&listen(PORT)) {
+        None => match port::check(port::LISTEN, &listen(PORT)) {
             Ok(()) => Some(listen(PORT)),
             Err(why) => {
                 let _ = writeln!(io::stderr(), "hilare: no page: {why} (hilare demo --port N)");
@@ -116,6 +122,7 @@ pub fn demo(args: &DemoArgs) -> VerbResult {
         controller: None,
         standby: None,
         listen: demo_listen(args.port),
+        foxglove: args.foxglove.clone(),
         clock: ClockKind::Real,
         seed: None,
         set: Vec::new(),
@@ -132,8 +139,11 @@ pub fn run(args: &RunArgs) -> VerbResult {
     if args.clock == ClockKind::InProcess && !scenario.system.controller.exec.is_empty() {
         return Err(refused("controller.exec: an executable is a process; --clock real or lockstep"));
     }
-    if args.clock == ClockKind::InProcess && args.listen.is_some() {
-        return Err(refused("--listen: the page is a process; --clock real or lockstep"));
+    for (flag, what) in [("--listen: the page", &args.listen), ("--foxglove: the live view", &args.foxglove)]
+    {
+        if args.clock == ClockKind::InProcess && what.is_some() {
+            return Err(refused(format!("{flag} is a process; --clock real or lockstep")));
+        }
     }
     let map = scenario.system.load_map().map_err(refused)?;
     let waypoints = path_of(&scenario, map.as_ref())?;
@@ -250,6 +260,7 @@ fn resolve(args: &RunArgs) -> Result<Scenario, Failure> {
     let system = &mut scenario.system;
     set_with_drivers(system, &args.set, args.controller.as_deref(), args.standby.as_deref())?;
     set_listen(system, args.listen.as_deref())?;
+    set_foxglove(system, args.foxglove.as_deref())?;
     if let Some(seed) = args.seed {
         set_flag(system, "--seed", &seed.to_string(), &seed_keys(seed))?;
     }
@@ -390,11 +401,14 @@ fn run_processes(
 
 /// Says where the page is; standard output may be for JSON alone.
 pub(super) fn show_page(manager: &Manager, json: bool) {
-    let Some(page) = manager.page_url() else { return };
-    if json {
-        let _ = writeln!(io::stderr(), "page: {page}");
-    } else {
-        print(&format!("page: {page}\n"));
+    let page = manager.page_url().map(|page| format!("page: {page}\n"));
+    let foxglove = manager.foxglove_url().map(|url| format!("foxglove: {url}\n"));
+    for line in [page, foxglove].into_iter().flatten() {
+        if json {
+            let _ = io::stderr().write_all(line.as_bytes());
+        } else {
+            print(&line);
+        }
     }
 }
 

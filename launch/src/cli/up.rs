@@ -1,6 +1,6 @@
 //! `hilare up`: a robot that stays up.
 
-use super::flags::{set_flag, set_listen, set_with_drivers};
+use super::flags::{set_flag, set_foxglove, set_listen, set_with_drivers};
 use super::run::show_page;
 use super::{VerbResult, print, refused, warn};
 use crate::config::System;
@@ -43,6 +43,9 @@ pub struct UpArgs {
     /// Address and port of the operator's page and metrics for Prometheus, e.g. 127.0.0.1:7070
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
+    /// Address and port of a live view for Foxglove and Lichtblick, e.g. 127.0.0.1:8765
+    #[arg(long, value_name = "ADDR")]
+    foxglove: Option<String>,
     /// Write the merged log of all processes to this file as well [default with --detach: the runtime
     /// directory's ROBOT.log, kept if the robot ends with a fault]
     #[arg(long, value_name = "FILE")]
@@ -70,6 +73,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
         set_flag(&mut system, "--robot", robot, &[format!("robot={robot}")])?;
     }
     set_listen(&mut system, args.listen.as_deref())?;
+    set_foxglove(&mut system, args.foxglove.as_deref())?;
     system.load_map().map_err(refused)?;
     if !args.background {
         warn(&system.warnings());
@@ -141,6 +145,7 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
         ("--controller", args.controller.as_slice()),
         ("--standby", args.standby.as_slice()),
         ("--listen", args.listen.as_slice()),
+        ("--foxglove", args.foxglove.as_slice()),
     ] {
         for value in values {
             command.arg(format!("{flag}={value}"));
@@ -176,8 +181,9 @@ fn detach(args: &UpArgs, robot: &str) -> VerbResult {
                 let robot_flag =
                     args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {robot}"));
                 let page = status.page.map_or(String::new(), |page| format!(", page {page}"));
+                let foxglove = status.foxglove.map_or(String::new(), |url| format!(", foxglove {url}"));
                 format!(
-                    "{robot} is up, launch has pid {pid}, log {log}{page}; next: hilare arm{robot_flag}, \
+                    "{robot} is up, launch has pid {pid}, log {log}{page}{foxglove}; next: hilare arm{robot_flag}, \
                      hilare follow FILE.csv{robot_flag}\n"
                 )
             };

@@ -3,7 +3,9 @@
 use super::document::{Document, Entry, Value};
 use super::error::{ConfigError, quoted};
 use super::keys::{Form, Section, join, keys};
-use super::texts::{AS_THE_LAW_ASKS, EXEC, GO_ON, LAW, ON_LOST, STANDBY, STOP, TextSpec};
+use super::texts::{
+    AS_THE_LAW_ASKS, EXEC, FOXGLOVE, FOXGLOVE_ORIGINS, GO_ON, LAW, ON_LOST, STANDBY, STOP, TextSpec,
+};
 use super::{System, conflict, suggest, units};
 use hilare_controller::law;
 use hilare_interfaces::acceptance::Acceptance;
@@ -193,6 +195,16 @@ fn put_text(system: &mut System, section: Section, spec: &TextSpec, value: &Valu
                 _ => return Err(unknown()),
             }
         }
+        Section::Operator if spec.name == FOXGLOVE.name => {
+            if !text.is_empty() {
+                loopback(text)?;
+            }
+            system.foxglove = text.to_owned();
+        }
+        Section::Operator if spec.name == FOXGLOVE_ORIGINS.name => {
+            origins(text)?;
+            system.foxglove_origins = text.to_owned();
+        }
         Section::Operator => {
             if !text.is_empty() {
                 hilare_operator::address::parse(text)?;
@@ -237,6 +249,8 @@ pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSp
         Section::Planner => &system.map,
         Section::Operator if spec.name == ON_LOST.name && system.stop_when_lost => STOP,
         Section::Operator if spec.name == ON_LOST.name => GO_ON,
+        Section::Operator if spec.name == FOXGLOVE.name => &system.foxglove,
+        Section::Operator if spec.name == FOXGLOVE_ORIGINS.name => &system.foxglove_origins,
         Section::Operator => &system.listen,
         Section::Controller if spec.name == EXEC.name => &system.controller.exec,
         Section::Controller if spec.name == STANDBY.name => &system.controller.standby,
@@ -245,6 +259,45 @@ pub(super) fn text_value<'s>(system: &'s System, section: Section, spec: &TextSp
         Section::Tracking => system.acceptance.map_or(AS_THE_LAW_ASKS, Acceptance::name),
         Section::Stepper | Section::Servo => system.motors.name(),
         _ => system.chassis.name(),
+    }
+}
+
+/// Refuses an address of the live view that other machines reach.
+fn loopback(text: &str) -> Result<(), String> {
+    // The example at the end is the page's.
+    let example = |why: String| why.strip_suffix("7070").map_or(why.clone(), |why| format!("{why}8765"));
+    let address = hilare_operator::address::parse(text).map_err(example)?;
+    if !hilare_operator::address::is_open(address) {
+        return Ok(());
+    }
+    let port = address.port();
+    Err(format!(
+        "{text}: others would reach it, and its protocol knows no password; listen on 127.0.0.1:{port}, and from \
+         elsewhere come by ssh -L {port}:127.0.0.1:{port} ROBOT"
+    ))
+}
+
+/// Refuses what is no list of origins.
+fn origins(text: &str) -> Result<(), String> {
+    let plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+    let is_scheme = |scheme: &str| {
+        scheme.starts_with(|first: char| first.is_ascii_lowercase())
+            && scheme.bytes().all(|byte| plain(byte) || b"+.-".contains(&byte))
+    };
+    let is_host = |host: &str| {
+        !host.is_empty() && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._[]:-".contains(&byte))
+    };
+    let is_origin = |word: &&str| {
+        ["null", "file://"].contains(word)
+            || word.split_once("://").is_some_and(|(scheme, host)| is_scheme(scheme) && is_host(host))
+    };
+    let mut words = text.split(' ').filter(|word| !word.is_empty());
+    match words.find(|word| !is_origin(word)) {
+        Some(word) => Err(format!(
+            "{} is no origin; write scheme and host as the browser has them, no path, such as http://localhost:8080",
+            quoted(word)
+        )),
+        None => Ok(()),
     }
 }
 

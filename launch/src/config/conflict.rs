@@ -38,6 +38,7 @@ pub(super) fn find(system: &System) -> Option<Conflict> {
         .or_else(|| fixes_too_old(system))
         .or_else(|| law_of_parameters(system))
         .or_else(|| standby_of_robot(system))
+        .or_else(|| one_port_for_two(system))
 }
 
 fn reversed_limits(system: &System) -> Option<Conflict> {
@@ -80,6 +81,18 @@ pub(super) fn plant_of_robot(system: &System) -> Option<Conflict> {
     }
     let what = "there is no simulated robot with Mecanum wheels on steppers; write motors.kind = \"servo\"";
     Some(Conflict::new(&[("chassis", "kind"), ("motors", "kind")], what.to_owned()))
+}
+
+fn one_port_for_two(system: &System) -> Option<Conflict> {
+    let port = |text: &str| hilare_operator::address::parse(text).ok().map(|address| address.port());
+    let taken = port(&system.listen)?;
+    if port(&system.foxglove) != Some(taken) {
+        return None;
+    }
+    let what = format!(
+        "operator.listen and operator.foxglove are both port {taken}; give the live view another one"
+    );
+    Some(Conflict::new(&[("operator", "listen"), ("operator", "foxglove")], what))
 }
 
 fn no_radius_left(system: &System) -> Option<Conflict> {

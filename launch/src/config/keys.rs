@@ -2,7 +2,8 @@
 
 use super::group::Group;
 use super::texts::{
-    ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, LAW, LISTEN, MAP, MOTORS, ON_LOST, ROBOT, STANDBY, TextSpec,
+    ACCEPTANCE, CHASSIS, ESTIMATOR, EXEC, FOXGLOVE, FOXGLOVE_ORIGINS, LAW, LISTEN, MAP, MOTORS, ON_LOST,
+    ROBOT, STANDBY, TextSpec,
 };
 use super::{Supervision, System, WakeUp, realtime};
 use crate::recording::RecordingParams;
@@ -254,16 +255,16 @@ impl Section {
 
     /// Its text keys.
     pub(super) fn texts(self) -> impl Iterator<Item = &'static TextSpec> {
-        let texts: [Option<&'static TextSpec>; 3] = match self {
-            Self::Top => [Some(&ROBOT), None, None],
-            Self::Differential | Self::Mecanum => [Some(&CHASSIS), None, None],
-            Self::Stepper | Self::Servo => [Some(&MOTORS), None, None],
-            Self::Tracking => [Some(&ACCEPTANCE), None, None],
-            Self::Controller => [Some(&LAW), Some(&EXEC), Some(&STANDBY)],
-            Self::Estimator => [Some(&ESTIMATOR), None, None],
-            Self::Planner => [Some(&MAP), None, None],
-            Self::Operator => [Some(&LISTEN), Some(&ON_LOST), None],
-            _ => [None; 3],
+        let texts: [Option<&'static TextSpec>; 4] = match self {
+            Self::Top => [Some(&ROBOT), None, None, None],
+            Self::Differential | Self::Mecanum => [Some(&CHASSIS), None, None, None],
+            Self::Stepper | Self::Servo => [Some(&MOTORS), None, None, None],
+            Self::Tracking => [Some(&ACCEPTANCE), None, None, None],
+            Self::Controller => [Some(&LAW), Some(&EXEC), Some(&STANDBY), None],
+            Self::Estimator => [Some(&ESTIMATOR), None, None, None],
+            Self::Planner => [Some(&MAP), None, None, None],
+            Self::Operator => [Some(&LISTEN), Some(&ON_LOST), Some(&FOXGLOVE), Some(&FOXGLOVE_ORIGINS)],
+            _ => [None; 4],
         };
         texts.into_iter().flatten()
     }

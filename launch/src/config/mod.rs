@@ -148,6 +148,10 @@ pub struct System {
     pub supervision: Supervision,
     /// Where the operator's page listens; empty for none.
     pub listen: String,
+    /// Where the live view for Foxglove and Lichtblick listens; empty for none.
+    pub foxglove: String,
+    /// Web pages that may look at it, by their origins, apart by spaces.
+    pub foxglove_origins: String,
     /// The robot stops when the last page that gave orders is lost.
     pub stop_when_lost: bool,
     /// How the clock wakes.
@@ -192,6 +196,8 @@ impl Default for System {
             start: WorldPose::default(),
             supervision: Supervision::default(),
             listen: texts::LISTEN.default.to_owned(),
+            foxglove: texts::FOXGLOVE.default.to_owned(),
+            foxglove_origins: texts::FOXGLOVE_ORIGINS.default.to_owned(),
             stop_when_lost: false,
             wake_up: WakeUp::default(),
             recording: RecordingParams::default(),
@@ -205,6 +211,11 @@ impl System {
     /// Names of the built-in systems.
     pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// True if somebody wants to see the robot: then it has an operator's process.
+    pub fn has_operator(&self) -> bool {
+        !self.listen.is_empty() || !self.foxglove.is_empty()
     }
 
     /// Reads a built-in system by name, or a file by a path that ends in `.toml`.

@@ -106,6 +106,24 @@ pub(super) static LISTEN: TextSpec = TextSpec {
     doc: "Address and port of the operator's page and its metrics (127.0.0.1:7070); other machines reach it only at an address of theirs, and with a token; empty for none.",
 };
 
+/// Where the live view listens.
+pub(super) static FOXGLOVE: TextSpec = TextSpec {
+    name: "foxglove",
+    default: "",
+    choices: Vec::new,
+    pattern: || Some(r"^(|(localhost|127(\.[0-9]{1,3}){3}|\[::1\]):[0-9]{1,5})$".to_owned()),
+    doc: "Address and port of a live view for Foxglove and Lichtblick (127.0.0.1:8765), to look only; on this machine alone, as its protocol knows no password; empty for none.",
+};
+
+/// Web pages that may look at it.
+pub(super) static FOXGLOVE_ORIGINS: TextSpec = TextSpec {
+    name: "foxglove_origins",
+    default: "https://app.foxglove.dev file://",
+    choices: Vec::new,
+    pattern: || Some(r"^ *((null|file://|[a-z][a-z0-9+.-]*://[A-Za-z0-9._\[\]:-]+)( +|$))*$".to_owned()),
+    doc: "Origins of the web pages that may look at the live view, apart by spaces (file:// is what desktop apps are); programs that are no browser need none.",
+};
+
 /// What happens when the operator's page is lost.
 pub(super) static ON_LOST: TextSpec = TextSpec {
     name: "on_lost",

@@ -203,24 +203,24 @@ pub struct Track {
 
 impl Track {
     fn of(reference: Option<&Reference>, pose: Option<&Pose>, truth: Option<&Truth>) -> Self {
-        let segment = reference
-            .filter(|reference| reference.state != ReferenceState::Idle.code())
-            .map(|reference| reference.segment());
-        let beside = |point: WorldPoint| {
-            let segment = segment?;
-            let aside_m = if segment.is_line() {
-                segment.cross_track_m(point)
-            } else {
-                segment.nearest(point).cross_track_m
-            };
-            aside_m.is_finite().then_some(aside_m)
-        };
+        let beside = |point: WorldPoint| cross_track_m(reference?, point);
         Self {
             estimate_m: pose.and_then(|pose| beside(pose.pose().position())),
             truth_m: truth.and_then(|truth| beside(truth.pose().position())),
             truth: truth.map(|truth| [truth.x_m, truth.y_m, truth.theta_rad]),
         }
     }
+}
+
+/// Distance of a point from the line or arc a reference is on, m; positive to the left. `None` without a path.
+pub fn cross_track_m(reference: &Reference, point: WorldPoint) -> Option<f64> {
+    if reference.state == ReferenceState::Idle.code() {
+        return None;
+    }
+    let segment = reference.segment();
+    let aside_m =
+        if segment.is_line() { segment.cross_track_m(point) } else { segment.nearest(point).cross_track_m };
+    aside_m.is_finite().then_some(aside_m)
 }
 
 #[cfg(test)]

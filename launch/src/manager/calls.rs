@@ -4,6 +4,7 @@ use super::control::{Call, Request, Response};
 use super::member::Duty;
 use super::status::Status;
 use super::{Counts, Manager, Newest, PendingGoal};
+use crate::operator::viewer;
 use crate::shell::page::SlotState;
 use crossbeam_channel::Sender;
 use hilare_interfaces::layout::WireField;
@@ -162,6 +163,12 @@ impl Manager {
         self.page_url.as_deref()
     }
 
+    /// Where Foxglove and Lichtblick connect to, if they can.
+    pub fn foxglove_url(&self) -> Option<String> {
+        let address = &self.job.system.foxglove;
+        (!address.is_empty()).then(|| viewer::url(address))
+    }
+
     /// Everything there is to know.
     pub fn status(&self) -> Status {
         let Newest { steps, pose, reference } = &self.newest;
@@ -199,6 +206,7 @@ impl Manager {
             halted: self.fault.is_none() && self.halted.is_some(),
             system: self.systems.current,
             page: self.page_url.clone(),
+            foxglove: self.foxglove_url(),
             processes: self
                 .members
                 .iter()

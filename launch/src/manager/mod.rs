@@ -221,7 +221,7 @@ impl Manager {
         let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
         let Claim { dir, sender, events } = claim;
         if job.workers == Workers::Own {
-            port::check(&job.system.listen).map_err(Failure::Refused)?;
+            port::check_all(&job.system).map_err(Failure::Refused)?;
         }
         let page_url = token::make(dir.path(), &job.system.listen).map_err(Failure::Refused)?;
         start::write_files(dir.path(), &job)?;

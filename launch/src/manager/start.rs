@@ -208,7 +208,7 @@ pub(super) fn members(job: &Job) -> Vec<Member> {
     let controller = &job.system.controller;
     let wanted = |role: &Role| match role {
         Role::Recorder => job.record,
-        Role::Operator => !job.system.listen.is_empty(),
+        Role::Operator => job.system.has_operator(),
         _ => true,
     };
     let roles = wires::start_order().into_iter().filter(wanted);

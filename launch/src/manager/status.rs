@@ -72,6 +72,9 @@ pub struct Status {
     /// Where the operator's page is, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub page: Option<String>,
+    /// Where Foxglove and Lichtblick connect to, if they can.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foxglove: Option<String>,
     /// The processes.
     pub processes: Vec<ProcessStatus>,
 }
@@ -131,6 +134,9 @@ impl Status {
         }
         if let Some(page) = &self.page {
             text.push_str(&format!("  page      {page}\n"));
+        }
+        if let Some(foxglove) = &self.foxglove {
+            text.push_str(&format!("  foxglove  {foxglove}\n"));
         }
         let pose = self.pose.map_or("not known before the robot is armed".to_owned(), |[x, y, theta]| {
             format!("x {x:.4} m, y {y:.4} m, heading {theta:.3} rad")

@@ -7,6 +7,8 @@
 //!   launch ◀──────────────── Launch ◀──────── orders ─────────┘
 //! ```
 //!
+//! Beside it, from the same wires, a live view for other tools: [`viewer`].
+//!
 //! It reads what the relay repeats and asks launch, like any observer; nobody on the tick knows of it.
 
 mod door;
@@ -18,6 +20,7 @@ mod predict;
 mod roadmap;
 pub mod token;
 mod told;
+pub mod viewer;
 
 use crate::look::Told;
 use crate::look::usage::Usage;
@@ -40,6 +43,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use told::{Slow, Teller};
 use tracing::info;
+use viewer::Viewer;
 
 /// Time between two looks at the wires.
 const LOOK: Duration = Duration::from_millis(10);
@@ -57,26 +61,21 @@ struct Shared {
     live: Live,
 }
 
-/// The relay's wires and launch → the page.
+/// The relay's wires and launch → the page, and the live view for other tools.
 pub struct OperatorProcess {
     wires: Wires,
     shared: Arc<Shared>,
     path: Option<PathHeader>,
+    /// There is a page.
+    page: bool,
+    viewer: Option<Viewer>,
     report: Report,
 }
 
 impl OperatorProcess {
     /// Opens its ports, those of the network included.
     pub fn new(worker: &Worker) -> Result<Self, String> {
-        let (system, dir) = (&worker.system, &worker.assignment.runtime_dir);
-        let listener = port::bind(&system.listen)?;
-        let open = listener.local_addr().is_ok_and(is_open);
-        let token = if open { Some(token::read(dir)?) } else { None };
-        let rules = Rules {
-            token,
-            names: Names { open, machine: token::machine() },
-            stop_when_lost: system.stop_when_lost,
-        };
+        let dir = &worker.assignment.runtime_dir;
         let wires = Wires::open(&worker.domain)?;
         let shared = Arc::new(Shared {
             runtime_dir: dir.clone(),
@@ -85,17 +84,13 @@ impl OperatorProcess {
             slow: Mutex::default(),
             live: Live::default(),
         });
-        let launch = Launch { shared: Arc::clone(&shared), door: Door::open()? };
-        thread("page", move || {
-            if let Err(error) = serve(listener, Arc::new(launch), rules) {
-                tracing::error!("the page: {error}");
-                std::process::exit(1);
-            }
-        })?;
-        let mut teller = Teller::new(Arc::clone(&shared), worker);
-        thread("told", move || teller.tell_for_ever())?;
-        info!("the page is at {}", token::url(&system.listen, None));
-        Ok(Self { wires, shared, path: None, report: Report::default() })
+        let door = Arc::new(Door::open()?);
+        let page = !worker.system.listen.is_empty();
+        if page {
+            open_page(worker, &shared, &door)?;
+        }
+        let viewer = Viewer::open(worker, &door)?;
+        Ok(Self { wires, shared, path: None, page, viewer, report: Report::default() })
     }
 
     /// The robot as the wires and launch have it now.
@@ -146,6 +141,12 @@ impl Reactive for OperatorProcess {
         self.report.tick = heard.steps.map_or(0, |steps| steps.tick);
         self.report.steps = self.report.tick;
         *lock(&self.shared.heard) = heard;
+        if let Some(viewer) = &mut self.viewer {
+            viewer.look();
+        }
+        if !self.page {
+            return false;
+        }
         if let Some((header, path)) = self.wires.path().filter(|(header, _)| Some(*header) != self.path) {
             self.path = Some(header);
             let path: Vec<[f64; 4]> =
@@ -167,9 +168,13 @@ impl Reactive for OperatorProcess {
 
     fn connect(&self) {
         self.wires.connect();
+        self.viewer.iter().for_each(Viewer::connect);
     }
 
     fn finish(&mut self) -> Result<(), String> {
+        if !self.page {
+            return Ok(());
+        }
         // Why it is down is known to launch, if that is still there.
         let told = Told::by(&self.shared.socket).ok();
         let mut slow = lock(&self.shared.slow).clone();
@@ -182,6 +187,29 @@ impl Reactive for OperatorProcess {
         std::thread::sleep(LAST_WORDS);
         Ok(())
     }
+}
+
+fn open_page(worker: &Worker, shared: &Arc<Shared>, door: &Arc<Door>) -> Result<(), String> {
+    let system = &worker.system;
+    let listener = port::bind(port::LISTEN, &system.listen)?;
+    let open = listener.local_addr().is_ok_and(is_open);
+    let token = if open { Some(token::read(&shared.runtime_dir)?) } else { None };
+    let rules = Rules {
+        token,
+        names: Names { open, machine: token::machine() },
+        stop_when_lost: system.stop_when_lost,
+    };
+    let launch = Launch { shared: Arc::clone(shared), door: Arc::clone(door) };
+    thread("page", move || {
+        if let Err(error) = serve(listener, Arc::new(launch), rules) {
+            tracing::error!("the page: {error}");
+            std::process::exit(1);
+        }
+    })?;
+    let mut teller = Teller::new(Arc::clone(shared), worker);
+    thread("told", move || teller.tell_for_ever())?;
+    info!("the page is at {}", token::url(&system.listen, None));
+    Ok(())
 }
 
 fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -197,7 +225,7 @@ fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), String
 /// Where the page's figures come from and its orders go.
 struct Launch {
     shared: Arc<Shared>,
-    door: Door,
+    door: Arc<Door>,
 }
 
 impl Source for Launch {

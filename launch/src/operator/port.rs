@@ -1,5 +1,6 @@
-//! The page's port: taken, or who has it.
+//! The ports of the page and the live view: taken, or who has them.
 
+use crate::config::System;
 use hilare_operator::address::parse;
 use std::fs;
 use std::io;
@@ -10,11 +11,16 @@ const LISTENING: &str = "0A";
 /// Sockets there are; a sandbox may hide all of /proc but what is of a process.
 pub(super) const TABLES: [&str; 2] = ["/proc/self/net/tcp", "/proc/self/net/tcp6"];
 
-/// Binds the address of a text, or says why not and who has it.
-pub fn bind(listen: &str) -> Result<TcpListener, String> {
+/// The key of the page's address.
+pub const LISTEN: &str = "operator.listen";
+/// The key of the live view's address.
+pub const FOXGLOVE: &str = "operator.foxglove";
+
+/// Binds the address in a key, or says why not and who has it.
+pub fn bind(key: &str, listen: &str) -> Result<TcpListener, String> {
     let address = parse(listen)?;
     TcpListener::bind(address).map_err(|error| {
-        let place = format!("operator.listen {address}");
+        let place = format!("{key} {address}");
         match error.kind() {
             io::ErrorKind::AddrInUse => match holder(address) {
                 Some(holder) => format!("{place}: {holder} has this port; end it, or choose another port"),
@@ -30,12 +36,17 @@ pub fn bind(listen: &str) -> Result<TcpListener, String> {
     })
 }
 
-/// Says why a robot's page could not listen. What only the process of the page can find out, it finds out.
-pub fn check(listen: &str) -> Result<(), String> {
+/// Says why one could not listen there. What only the process that does can find out, it finds out.
+pub fn check(key: &str, listen: &str) -> Result<(), String> {
     if listen.is_empty() {
         return Ok(());
     }
-    bind(listen).map(drop)
+    bind(key, listen).map(drop)
+}
+
+/// The same of all that a system wants.
+pub fn check_all(system: &System) -> Result<(), String> {
+    check(LISTEN, &system.listen).and_then(|()| check(FOXGLOVE, &system.foxglove))
 }
 
 /// The process that listens where `address` would, as far as it can be seen by this user.
@@ -82,12 +93,12 @@ mod tests {
     fn a_port_that_is_taken_is_told_with_its_holder() {
         let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = taken.local_addr().expect("its address");
-        let why = check(&address.to_string()).expect_err("it is taken");
+        let why = check(FOXGLOVE, &address.to_string()).expect_err("it is taken");
         let us = format!("(pid {}) has this port", std::process::id());
-        assert!(why.contains(&us) && why.contains(&address.to_string()), "{why}");
+        assert!(why.contains(&us) && why.starts_with(&format!("operator.foxglove {address}: ")), "{why}");
         drop(taken);
-        assert_eq!(check(&address.to_string()), Ok(()));
-        assert_eq!(check(""), Ok(()));
+        assert_eq!(check(LISTEN, &address.to_string()), Ok(()));
+        assert_eq!(check(LISTEN, ""), Ok(()));
     }
 
     #[test]

@@ -124,11 +124,6 @@ impl Audit {
         wire.newest = wire.newest.max(Some(tick));
     }
 
-    /// The newest tick heard of.
-    pub fn newest(&self) -> Tick {
-        self.newest
-    }
-
     /// Wire by wire.
     pub fn wires(&self) -> Vec<WireReport> {
         let report = |(place, wire): (usize, &Followed)| {

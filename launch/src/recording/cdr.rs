@@ -9,6 +9,8 @@
 
 use hilare_interfaces::layout::Layout;
 
+/// Its name, as channels have it.
+pub const ENCODING: &str = "cdr";
 /// What precedes every body: how numbers lie in it, and no options.
 pub const HEADER: [u8; 4] = [0, cfg!(target_endian = "little") as u8, 0, 0];
 

@@ -8,15 +8,19 @@
 //! * [`wires`]: what is recorded, the one table; a channel `/hilare/<wire>` each, every message, bit for bit.
 //! * [`schemas`], [`cdr`]: how our messages are told and laid out (`ros2msg`, CDR).
 //! * [`ros`]: standard ROS 2 messages made of them, once a control period: `/odom`, `/tf`, `/path`, …
+//! * [`dating`]: when a message was.
 //! * [`tape`]: the end that never waits for the disk; [`part`]: one file; [`audit`]: what is missing.
 //! * [`reader`]: a recording read back, message by message.
 //!
 //! Time in a recording (`log_time`, `publish_time`, stamps) is the clock on the wall when its first tick was heard, and
 //! a millisecond a tick from there on; what comes without a tick has the time of the newest tick heard. So it is free
 //! of the machine's jitter, the same in every clock, and a pause of the robot takes no time.
+//!
+//! The live view for Foxglove (`crate::operator::viewer`) has the same channels from the same tables.
 
 pub mod audit;
 pub mod cdr;
+pub mod dating;
 pub mod info;
 pub mod part;
 pub mod reader;

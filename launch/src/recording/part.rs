@@ -7,7 +7,7 @@
 use super::info::RunInfo;
 use super::settings::Settings;
 use super::wires::RECORDED;
-use super::{METADATA, RecordingError, SYSTEM_ATTACHMENT, schemas};
+use super::{METADATA, RecordingError, SYSTEM_ATTACHMENT, cdr, schemas};
 use crate::shell::worker::system_file;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
@@ -55,10 +55,10 @@ pub struct Part {
     open: [u64; RECORDED.len()],
 }
 
-/// A channel beside those of our own messages.
+/// A channel, as files and viewers know it: CDR, told in [`schemas::LANGUAGE`].
 pub struct View {
     /// Its topic.
-    pub topic: &'static str,
+    pub topic: String,
     /// Its ROS type, `nav_msgs/msg/Odometry`.
     pub type_name: String,
     /// The definition of that.
@@ -129,17 +129,18 @@ impl Part {
             writer.attach(&toml(SYSTEM_ATTACHMENT.to_owned(), system))?;
             // Whoever reads a file without a message knows at least what it was to be.
             writer.flush()?;
+            let mut tell = |view: &View, said: &[(&str, String)]| {
+                told += view.type_name.len() as u64 + view.definition.len() as u64 + 128;
+                let schema =
+                    writer.add_schema(&view.type_name, schemas::LANGUAGE, view.definition.as_bytes())?;
+                writer.add_channel(schema, &view.topic, cdr::ENCODING, &metadata(said))
+            };
             for recorded in RECORDED {
-                let (name, text) = (schemas::name(&recorded), schemas::definition(&recorded));
-                told += name.len() as u64 + text.len() as u64 + 128;
-                let schema = writer.add_schema(&name, "ros2msg", text.as_bytes())?;
                 let said = [("message", recorded.message()), ("layout", recorded.layout())];
-                channels.push(writer.add_channel(schema, &recorded.topic(), "cdr", &metadata(&said))?);
+                channels.push(tell(&schemas::view(&recorded), &said)?);
             }
             for view in views {
-                told += view.type_name.len() as u64 + view.definition.len() as u64 + 128;
-                let schema = writer.add_schema(&view.type_name, "ros2msg", view.definition.as_bytes())?;
-                view_channels.push(writer.add_channel(schema, view.topic, "cdr", &metadata(&[]))?);
+                view_channels.push(tell(view, &[])?);
             }
             Ok(())
         };

@@ -1,13 +1,21 @@
 //! What our own messages are, in the words of ROS 2 (`ros2msg`): text made of their layouts, so that there is no second
 //! list of fields.
 
+use super::part::View;
 use super::wires::Recorded;
 use hilare_interfaces::layout::{Field, Layout};
 
+/// The language, as channels name it.
+pub const LANGUAGE: &str = "ros2msg";
 /// Package of our own messages.
 const PACKAGE: &str = "hilare_msgs";
 /// What stands between a definition and those it needs.
 const RULE: &str = "================================================================================";
+
+/// The channel of a recorded wire.
+pub fn view(recorded: &Recorded) -> View {
+    View { topic: recorded.topic(), type_name: name(recorded), definition: definition(recorded) }
+}
 
 /// Name of the message of a recorded wire: `hilare_msgs/msg/Pose`.
 pub fn name(recorded: &Recorded) -> String {

@@ -5,6 +5,7 @@
 //! nobody waits in real time, it waits instead.
 
 use super::audit::{Audit, Report};
+use super::dating::Dating;
 use super::info::RunInfo;
 use super::settings::Settings;
 use super::wires::{Heard, RECORDED};
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 use tracing::warn;
 
 /// Batches in the queue, whatever their size.
@@ -30,7 +31,6 @@ const SPARE_BATCHES: usize = 64;
 const SPARE_BYTES: usize = 256 << 10;
 /// Bytes after which a batch is handed over in virtual time.
 const FULL_BATCH: usize = 128 << 10;
-const NS_PER_TICK: u64 = 1_000_000;
 /// Time between two words about messages given up.
 const WARN_EVERY: Duration = Duration::from_secs(1);
 
@@ -74,9 +74,7 @@ pub struct Tape {
     audit: Audit,
     sequences: [u32; RECORDED.len()],
     dropped: [u64; RECORDED.len()],
-    began_ns: u64,
-    /// Time of tick 0, once a tick is known.
-    epoch_ns: Option<u64>,
+    dating: Dating,
     batch: Batch,
     /// Where the robot's numbered system files are, and which of them are kept already.
     systems: Option<(PathBuf, BTreeSet<u64>)>,
@@ -123,14 +121,12 @@ impl Tape {
                 written
             })
             .map_err(|error| RecordingError::new(&settings.path, error))?;
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         Ok(Self {
             audit: Audit::new(period_ticks),
             settings,
             sequences: [0; RECORDED.len()],
             dropped: [0; RECORDED.len()],
-            began_ns: now.as_nanos() as u64,
-            epoch_ns: None,
+            dating: Dating::begin(),
             batch: Batch::default(),
             systems: None,
             queue: Some(queue),
@@ -155,13 +151,7 @@ impl Tape {
         }
         self.audit.hear(&heard);
         let place = heard.place();
-        let tick = heard.tick();
-        if let (None, Some(tick)) = (self.epoch_ns, tick) {
-            self.epoch_ns = Some(self.began_ns.saturating_sub(tick.saturating_mul(NS_PER_TICK)));
-        }
-        let time_ns = self.epoch_ns.map_or(self.began_ns, |epoch_ns| {
-            epoch_ns.saturating_add(tick.unwrap_or(self.audit.newest()).saturating_mul(NS_PER_TICK))
-        });
+        let time_ns = self.dating.of(heard.tick());
         let start = self.batch.bytes.len();
         cdr::write_message(&mut self.batch.bytes, heard.bytes(), heard.elements());
         let end = self.batch.bytes.len();

@@ -101,7 +101,7 @@ fn whole(wanted: &Wanted, name: String) -> Result<Unit, String> {
     oom(&mut unit, wanted, Role::Launch);
     unit.why("If the kernel takes a worker, launch decides what follows.");
     unit.set("OOMPolicy", "continue");
-    let network = Network::for_page(&wanted.system.listen);
+    let network = Network::of(&wanted.system);
     sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     unit.section("Install");
     unit.set("WantedBy", wanted.wanted_by());
@@ -186,7 +186,7 @@ fn pinned(system: &System) -> Option<String> {
 fn roles(system: &System) -> impl Iterator<Item = Role> {
     let wanted = |role: &Role| match role {
         Role::Recorder => false,
-        Role::Operator => !system.listen.is_empty(),
+        Role::Operator => system.has_operator(),
         _ => true,
     };
     wires::start_order().into_iter().filter(wanted)

@@ -4,6 +4,7 @@
 //! memory, and nothing else of the machine: no network, no device, no other file system, no privilege.
 
 use super::unit::Unit;
+use crate::config::System;
 use hilare_operator::address::{is_open, parse};
 use std::path::Path;
 
@@ -52,11 +53,13 @@ pub(super) enum Network {
 }
 
 impl Network {
-    /// What a page that listens there needs; an empty text is no page.
-    pub(super) fn for_page(listen: &str) -> Self {
-        match parse(listen) {
+    /// What the page and the live view of a system need.
+    pub(super) fn of(system: &System) -> Self {
+        match parse(&system.listen) {
             Ok(address) if is_open(address) => Self::Open,
             Ok(_) => Self::Loopback,
+            // The live view listens nowhere else.
+            Err(_) if !system.foxglove.is_empty() => Self::Loopback,
             Err(_) => Self::None,
         }
     }
@@ -137,7 +140,17 @@ mod tests {
         assert!(loopback.contains("\nIPAddressAllow=localhost\n") && !loopback.contains("PrivateNetwork"));
         assert!(loopback.contains("=AF_UNIX AF_INET AF_INET6\n") && !none.contains("AF_INET"));
         assert!(written(Network::Open).contains("\nIPAddressAllow=any\n"));
-        let kinds = ["", "127.0.0.1:7070", "[::1]:7070", "0.0.0.0:7070"].map(Network::for_page);
-        assert_eq!(kinds, [Network::None, Network::Loopback, Network::Loopback, Network::Open]);
+        let of = |(listen, foxglove): (&str, &str)| {
+            let mut system = System::default();
+            (system.listen, system.foxglove) = (listen.to_owned(), foxglove.to_owned());
+            Network::of(&system)
+        };
+        let view = "127.0.0.1:8765";
+        let kinds =
+            [("", ""), ("127.0.0.1:7070", ""), ("[::1]:7070", view), ("", view), ("0.0.0.0:7070", view)]
+                .map(of);
+        let expected =
+            [Network::None, Network::Loopback, Network::Loopback, Network::Loopback, Network::Open];
+        assert_eq!(kinds, expected);
     }
 }

@@ -101,8 +101,7 @@ fn worker_unit(wanted: &Wanted, worker: &Worker, main: &str) -> Result<Unit, Str
     scheduling(&mut unit, wanted, role);
     oom(&mut unit, wanted, role);
     // The others keep their walls: it is the page alone that is asked from outside.
-    let network =
-        if role == Role::Operator { Network::for_page(&wanted.system.listen) } else { Network::None };
+    let network = if role == Role::Operator { Network::of(&wanted.system) } else { Network::None };
     sandbox::write(&mut unit, wanted.scope == Scope::User, network, &wanted.files());
     Ok(unit)
 }

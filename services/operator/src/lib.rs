@@ -8,7 +8,7 @@
 //!
 //! [`robot`] is what is known of a robot, [`metrics`] writes it for Prometheus, [`live`] keeps what pages are shown,
 //! [`message`] is what is said both ways, [`server`] answers, [`address`] says where. Where a robot's state comes
-//! from, and who carries out orders, is the [`Source`]'s matter.
+//! from, and who carries out orders, is the [`Source`]'s matter. [`foxglove`] is a server of its own, for other tools.
 #![allow(
     clippy::disallowed_methods,
     reason = "it is no box of the control path: connections have time limits, and time is the machine's"
@@ -16,6 +16,8 @@
 
 pub mod address;
 mod assets;
+mod connections;
+pub mod foxglove;
 pub mod live;
 pub mod message;
 pub mod metrics;

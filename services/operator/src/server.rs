@@ -1,12 +1,12 @@
 //! The web server: few connections, short requests, little patience.
 //!
-//! One thread. A connection carries one request and lives for [`CONNECTION`] at most; where there are more than
-//! [`MAX_CONNECTIONS`] the oldest goes, so a newcomer always gets in. Whoever looks often gets the look before.
+//! One thread. Whoever looks often gets the look before.
 //! A request for a WebSocket becomes a [`crate::session`], of which there are [`crate::presence::MAX_PAGES`].
 
 use crate::Source;
 use crate::address::{Names, is_same_origin, same_secret};
 use crate::assets::ASSETS;
+use crate::connections::answer_for_ever;
 use crate::message::{Answer, MAX_MESSAGE, Order};
 use crate::metrics::{Format, render};
 use crate::orders::{self, Desk};
@@ -25,37 +25,21 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
-use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Mutex, oneshot};
-use tokio::task::{AbortHandle, spawn_blocking};
+use tokio::net::TcpListener;
+use tokio::sync::Mutex;
+use tokio::task::spawn_blocking;
 use tokio::time::{Instant, timeout};
 
-/// Connections at once, but for pages.
-const MAX_CONNECTIONS: usize = 32;
-/// Longest life of a connection.
-const CONNECTION: Duration = Duration::from_secs(10);
-/// Time for the whole of a request's head.
-const HEAD: Duration = Duration::from_secs(5);
-/// Most bytes of a request's head.
-const HEAD_BYTES: usize = 16 << 10;
-/// Most lines of it.
-const HEAD_LINES: usize = 64;
 /// Most bytes of a request's body.
 const BODY_BYTES: usize = 1 << 10;
 /// Age of a look that does for one more reader.
 const FRESH: Duration = Duration::from_millis(200);
 /// Time a look may take.
 const LOOK: Duration = Duration::from_secs(4);
-/// Rest after an accept that failed, for want of descriptors.
-const OUT_OF_DESCRIPTORS: Duration = Duration::from_millis(50);
 /// What the page may do in a browser: nothing but what comes from here. A map comes as `data:`.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; connect-src 'self'; object-src 'none'; \
     frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
@@ -127,49 +111,9 @@ pub fn serve(listener: std::net::TcpListener, source: Arc<dyn Source>, rules: Ru
             tokio::spawn(presence.stop_when_lost(Arc::clone(&door), Arc::clone(&desks.desk)));
         }
         let pages = pages(Arc::new(desks), Arc::new(rules));
-        let closed = Router::new()
-            .fallback(|| async { (StatusCode::FORBIDDEN, "hilare: this robot is another user's\n") });
-        let mut connections: VecDeque<AbortHandle> = VecDeque::new();
-        loop {
-            let Ok((stream, peer)) = listener.accept().await else {
-                // The oldest may have what is wanting.
-                connections.pop_front().inspect(AbortHandle::abort);
-                tokio::time::sleep(OUT_OF_DESCRIPTORS).await;
-                continue;
-            };
-            let (verdict, admitted) = oneshot::channel();
-            if let Ok(own) = stream.local_addr() {
-                let tell = move |admitted| {
-                    // A connection may be gone by then.
-                    let _ = verdict.send(admitted);
-                };
-                door.admit(peer, own, Box::new(tell));
-            }
-            connections.retain(|connection| !connection.is_finished());
-            if connections.len() >= MAX_CONNECTIONS {
-                connections.pop_front().inspect(AbortHandle::abort);
-            }
-            connections.push_back(
-                tokio::spawn(answer(stream, admitted, [&closed, &pages].map(Router::clone))).abort_handle(),
-            );
-        }
+        answer_for_ever(listener, pages, |peer, own, verdict| door.admit(peer, own, verdict)).await;
+        Ok(())
     })
-}
-
-/// One request and its answer; by the second of the pages, if it is admitted.
-async fn answer(stream: TcpStream, admitted: oneshot::Receiver<bool>, [closed, pages]: [Router; 2]) {
-    let admitted = matches!(timeout(HEAD, admitted).await, Ok(Ok(true)));
-    let pages = if admitted { pages } else { closed };
-    let _ = stream.set_nodelay(true);
-    let mut http = http1::Builder::new();
-    http.timer(TokioTimer::new())
-        .keep_alive(false)
-        .header_read_timeout(HEAD)
-        .max_buf_size(HEAD_BYTES)
-        .max_headers(HEAD_LINES);
-    let connection = http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(pages));
-    // Whatever becomes of it: there is nobody to tell.
-    let _ = timeout(CONNECTION, connection.with_upgrades()).await;
 }
 
 fn pages(desks: Arc<Desks>, rules: Arc<Rules>) -> Router {

@@ -73,6 +73,11 @@ pub fn odometry(cdr: &mut Vec<u8>, stamp: Stamp, at: WorldPose, moving: [f64; 3]
     (0..36).for_each(|_| to.f64(0.0));
 }
 
+/// std_msgs/Float64.
+pub fn float64(cdr: &mut Vec<u8>, value: f64) {
+    Writer::new(cdr).f64(value);
+}
+
 /// tf2_msgs/TFMessage.
 pub fn transforms(cdr: &mut Vec<u8>, stamp: Stamp, at: WorldPose) {
     let to = &mut Writer::new(cdr);

@@ -11,6 +11,8 @@
 //! | `/ground_truth` | geometry_msgs/PoseStamped | true pose of a simulated robot |
 //! | `/cmd_vel` | geometry_msgs/TwistStamped | the same twist |
 //! | `/joint_states` | sensor_msgs/JointState | the wheels: where they are told to be, and how fast |
+//! | `/cross_track_error` | std_msgs/Float64 | distance of the estimated pose from the path, m, positive to the left of it |
+//! | `/cross_track_error/truth` | std_msgs/Float64 | the same of the true pose |
 //! | `/reference` | geometry_msgs/PoseStamped | current waypoint, when it changes and once a second |
 //! | `/path` | nav_msgs/Path | the path, arcs in short pieces |
 //! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator and every process, once a second; states when they change |
@@ -21,15 +23,18 @@ mod messages;
 
 use super::part::View;
 use super::wires::Entry;
+use crate::look::wires::cross_track_m;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
-use hilare_interfaces::geometry::WorldPose;
+use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Health, Reference};
-use messages::{Stamp, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose};
+use messages::{
+    Stamp, float64, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose,
+};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Topic and type of each view.
-const VIEWS: [(&str, &str); 8] = [
+const VIEWS: [(&str, &str); 10] = [
     ("/odom", "nav_msgs/Odometry"),
     ("/tf", "tf2_msgs/TFMessage"),
     ("/ground_truth", "geometry_msgs/PoseStamped"),
@@ -38,6 +43,8 @@ const VIEWS: [(&str, &str); 8] = [
     ("/reference", "geometry_msgs/PoseStamped"),
     ("/path", "nav_msgs/Path"),
     ("/diagnostics", "diagnostic_msgs/DiagnosticArray"),
+    ("/cross_track_error", "std_msgs/Float64"),
+    ("/cross_track_error/truth", "std_msgs/Float64"),
 ];
 
 const ODOM: usize = 0;
@@ -48,14 +55,18 @@ const JOINT_STATES: usize = 4;
 const REFERENCE: usize = 5;
 const PATH: usize = 6;
 const DIAGNOSTICS: usize = 7;
+const CROSS_TRACK: usize = 8;
+const CROSS_TRACK_TRUTH: usize = 9;
 
 /// Twists kept for poses that come later, and the other way round; beyond, the wire of the others is silent.
 const MAX_WAITING: usize = 4096;
+/// References kept for places that come later than they: as many as their wire holds.
+const MAX_REFERENCES: usize = 256;
 
 /// Channels of the views.
 pub fn channels() -> Vec<View> {
     let view = |(topic, name): (&'static str, &'static str)| View {
-        topic,
+        topic: topic.to_owned(),
         type_name: name.replace('/', "/msg/"),
         definition: definitions::definition(name),
     };
@@ -70,6 +81,9 @@ pub struct Views {
     /// Twists of control periods whose poses are to come, and poses whose twists are.
     twists: VecDeque<(Tick, [f64; 3])>,
     poses: VecDeque<(Tick, u64, WorldPose)>,
+    /// Places whose distance from the path is to come: tick, time, view; and the references it goes by.
+    places: VecDeque<(Tick, u64, usize, WorldPoint)>,
+    references: VecDeque<Reference>,
     /// Path and place of the waypoint told last, and when.
     told: Option<(u64, u64, Tick)>,
     /// State of each process told last, and when.
@@ -87,6 +101,8 @@ impl Views {
             count_rad,
             twists: VecDeque::new(),
             poses: VecDeque::new(),
+            places: VecDeque::new(),
+            references: VecDeque::new(),
             fared: BTreeMap::new(),
             told: None,
             cdr: Vec::new(),
@@ -116,13 +132,21 @@ impl Views {
             Entry::Pose(pose) if self.is_due(pose.tick) => {
                 keep(&mut self.poses, (pose.tick, time_ns, pose.pose()));
                 tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
+                keep(&mut self.places, (pose.tick, time_ns, CROSS_TRACK, pose.pose().position()));
             }
             Entry::Truth(truth) if self.is_due(truth.tick) => {
                 tell(GROUND_TRUTH, &|cdr| pose_stamped(cdr, stamp, truth.pose()));
+                keep(&mut self.places, (truth.tick, time_ns, CROSS_TRACK_TRUTH, truth.pose().position()));
             }
-            Entry::Reference(reference) if self.is_news(reference) => {
-                let pose = waypoint_pose(reference.last, reference.current);
-                tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
+            Entry::Reference(reference) => {
+                if self.references.len() == MAX_REFERENCES {
+                    self.references.pop_front();
+                }
+                self.references.push_back(*reference);
+                if self.is_news(reference) {
+                    let pose = waypoint_pose(reference.last, reference.current);
+                    tell(REFERENCE, &|cdr| pose_stamped(cdr, stamp, pose));
+                }
             }
             Entry::Path(_, waypoints) => tell(PATH, &|cdr| path(cdr, stamp, waypoints)),
             other => {
@@ -136,7 +160,25 @@ impl Views {
         while let Some((time_ns, pose, twist)) = self.next_pair() {
             tell_at(time_ns, ODOM, &|cdr| odometry(cdr, Stamp::of(time_ns), pose, twist));
         }
+        while let Some((time_ns, view, aside_m)) = self.next_aside() {
+            tell_at(time_ns, view, &|cdr| float64(cdr, aside_m));
+        }
         self.cdr = cdr;
+    }
+
+    /// The oldest place for which the reference is known that was in force when the robot came there: the newest that
+    /// was chosen before. Known it is as soon as a later one has come.
+    fn next_aside(&mut self) -> Option<(u64, usize, f64)> {
+        loop {
+            let (tick, ..) = *self.places.front()?;
+            let after = self.references.iter().position(|reference| reference.tick >= tick)?;
+            let (_, time_ns, view, place) = self.places.pop_front()?;
+            // Without one there was no path.
+            let before = after.checked_sub(1).map(|before| &self.references[before]);
+            if let Some(aside_m) = before.and_then(|reference| cross_track_m(reference, place)) {
+                return Some((time_ns, view, aside_m));
+            }
+        }
     }
 
     fn is_due(&self, tick: Tick) -> bool {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::connections::MAX_CONNECTIONS;
 use crate::live::Live;
 use std::io::{Read, Write};
 use std::net::SocketAddr;
