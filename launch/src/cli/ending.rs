@@ -3,6 +3,7 @@
 use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
+use crate::report::drove::in_words;
 use crate::report::{
     Correction, Counters, PlotInput, RecordingSummary, RunIdentity, Summary, source, verdict_text,
     write_report,
@@ -29,6 +30,8 @@ pub struct End {
     pub restarts: u64,
     /// Controllers and boxes swapped.
     pub swaps: u64,
+    /// Laws and programs that drove, oldest first; empty where only the one that was asked for can have.
+    pub drove: Vec<String>,
     /// Why it ended before it arrived.
     pub stopped_by: Option<String>,
     /// Something broke.
@@ -48,7 +51,12 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     let Some(handover) = end.handover else {
         return Err(Failure::Fault(end.stopped_by.unwrap_or_default()));
     };
-    let law = scenario.system.controller.law.name;
+    let asked = scenario.system.controller.driver().short_name();
+    let law = match &end.drove[..] {
+        [] => asked,
+        drove => in_words(drove.iter().cloned()),
+    };
+    let law = law.as_str();
     let mut summary = Summary::new(
         RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
         &handover.figures,

@@ -268,7 +268,7 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
     let dir = match &args.out {
         Some(dir) => dir.clone(),
         None => {
-            let law = scenario.system.controller.law.name;
+            let law = scenario.system.controller.driver().short_name();
             let stem = format!("{}-{law}-{}", scenario.name, args.clock);
             (1..)
                 .map(|n| Path::new(RUNS).join(format!("{stem}-{n}")))
@@ -320,6 +320,7 @@ fn run_in_process(drive: &Drive<'_>, max_ticks: Tick, order: Option<Order>) -> R
         handover: Some(Handover { figures: record.statistics.figures(), gaps: 0, recording }),
         lateness: Quantiles::default(),
         swaps: 0,
+        drove: Vec::new(),
         restarts: 0,
     })
 }
@@ -384,6 +385,7 @@ fn run_processes(
         handover: outcome.handover,
         lateness: outcome.lateness,
         swaps: outcome.swaps,
+        drove: outcome.drove,
         restarts: outcome.restarts,
     })
 }

@@ -1,12 +1,15 @@
 //! A recording: every tick of a robot, also of one that was recorded while it was up.
 
 use super::PastRun;
-use crate::config::System;
+use crate::config::{System, short_name};
 use crate::recording::{Entry, Recording};
+use crate::report::drove::{self, Drove};
 use crate::report::{Counters, Mishaps, RunIdentity, Summary};
+use hilare_controller::{LAWS, law};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{ReferenceState, Waypoint};
+use hilare_interfaces::messages::{JournalKind, ReferenceState, Waypoint};
+use hilare_interfaces::wires::Role;
 use hilare_recorder::assembler::Assembler;
 use hilare_recorder::{RunRecord, TickRecord};
 use std::collections::BTreeMap;
@@ -32,6 +35,10 @@ pub(super) struct Ticks {
     after: u64,
     /// Every path, by its number.
     plans: BTreeMap<u64, Vec<Waypoint>>,
+    /// Who drove.
+    drove: Drove,
+    /// Law of each controller that said so: its place in the list of laws plus 1, 0 for a program.
+    laws: BTreeMap<drove::Driver, u64>,
     /// Ticks that are missing between the first and the last.
     gaps: u64,
 }
@@ -46,6 +53,8 @@ impl Ticks {
             paths: 0,
             after: 0,
             plans: BTreeMap::new(),
+            drove: Drove::default(),
+            laws: BTreeMap::new(),
             gaps: 0,
         }
     }
@@ -67,7 +76,24 @@ impl Ticks {
         if self.poses.len() < MAX_POSES {
             self.poses.push((tick.steps.tick, tick.pose.pose()));
         }
+        self.drove.note(tick.steps);
         self.count(tick);
+    }
+
+    /// Who drove, in words; `asked` is what the recording says of a controller that was at work before it, and of
+    /// a program.
+    fn drove(&self, asked: &str) -> String {
+        let asked = short_name(asked);
+        let name = |driver: &drove::Driver| match self.laws.get(driver) {
+            None => asked.clone(),
+            Some(0) if law(&asked).is_none() => asked.clone(),
+            Some(0) => "external program".to_owned(),
+            Some(place) => LAWS.get(*place as usize - 1).map_or(asked.clone(), |law| law.name.to_owned()),
+        };
+        match self.drove.drivers() {
+            [] => asked.clone(),
+            drivers => drove::in_words(drivers.iter().map(name)),
+        }
     }
 
     fn count(&mut self, TickRecord { steps, .. }: TickRecord<'_>) {
@@ -108,6 +134,11 @@ pub(super) fn ticks(recording: &Recording) -> Result<Ticks, String> {
             }
             Entry::Path(header, waypoints) => {
                 ticks.plans.insert(header.path_id, waypoints);
+            }
+            Entry::Journal(entry) => {
+                if entry.role == Role::Controller.code() && entry.kind == JournalKind::Began.code() {
+                    ticks.laws.insert((entry.slot + 1, entry.words[1]), entry.words[3]);
+                }
             }
             _ => continue,
         }
@@ -168,7 +199,8 @@ pub(super) fn open(file: &Path) -> Result<PastRun, String> {
     });
     let info = recording.info();
     let scenario = if info.scenario.is_empty() { &info.robot } else { &info.scenario };
-    let identity = RunIdentity { scenario, controller: &info.controller, clock: &info.clock };
+    let controller = ticks.drove(&info.controller);
+    let identity = RunIdentity { scenario, controller: &controller, clock: &info.clock };
     let wheels = system.as_ref().map_or(0, |system| system.chassis.wheels());
     let figures = ticks.record.statistics.figures();
     Ok(PastRun {
