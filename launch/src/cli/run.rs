@@ -15,7 +15,7 @@ use crate::shell::{ClockKind, build};
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{GoalKind, Mode, Waypoint};
+use hilare_interfaces::messages::{GoalKind, Mode, ReferenceState, Waypoint};
 use hilare_planner::{Map, Unlimited, check_crab};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs;
@@ -321,6 +321,8 @@ fn run_in_process(drive: &Drive<'_>, max_ticks: Tick, order: Option<Order>) -> R
         lateness: Quantiles::default(),
         swaps: 0,
         drove: Vec::new(),
+        changed: false,
+        diverted: false,
         restarts: 0,
     })
 }
@@ -347,8 +349,13 @@ fn run_processes(
     let mut manager = Manager::start(claim, job, log)?;
     show_page(&manager, args.json);
     manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    let mut first_path = None;
     let stopped_by = loop {
         manager.step(Duration::from_millis(20));
+        let reference = &manager.newest().reference;
+        if reference.state != ReferenceState::Idle.code() {
+            first_path.get_or_insert(reference.path_id);
+        }
         show(&bar, &manager);
         if manager.arrived() {
             break None;
@@ -368,6 +375,7 @@ fn run_processes(
     };
     bar.finish_and_clear();
     log.around(None);
+    let diverted = first_path.is_some_and(|path| path != manager.newest().reference.path_id);
     let outcome = manager.end();
     // The verdict comes below what led to it.
     log.flush();
@@ -386,6 +394,8 @@ fn run_processes(
         lateness: outcome.lateness,
         swaps: outcome.swaps,
         drove: outcome.drove,
+        changed: diverted || outcome.param_changes > 0,
+        diverted,
         restarts: outcome.restarts,
     })
 }

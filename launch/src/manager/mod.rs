@@ -212,6 +212,8 @@ pub struct Outcome {
     pub restarts: u64,
     /// Controllers and boxes swapped.
     pub swaps: u64,
+    /// Changes of parameters.
+    pub param_changes: u64,
     /// Laws and programs that drove, oldest first.
     pub drove: Vec<String>,
     /// What went wrong.

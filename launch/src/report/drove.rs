@@ -45,6 +45,7 @@ pub fn in_words(names: impl Iterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hilare_interfaces::layout::WireField;
 
     #[test]
     fn every_driver_counts_once_and_a_borrowed_command_does_not() {

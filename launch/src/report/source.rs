@@ -5,6 +5,7 @@ mod recording;
 
 use super::{Mishaps, PlotInput, Summary};
 use crate::config::Scenario;
+use crate::recording::Recording;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
@@ -13,6 +14,9 @@ use std::path::{Path, PathBuf};
 
 /// What a recording's name ends in.
 const RECORDING: &str = "mcap";
+
+/// Paths that were driven after the first, and from which tick on the reference speed was which.
+pub type Changes = (Vec<Vec<Waypoint>>, Vec<(u64, f64)>);
 
 /// A run that is over.
 #[derive(Clone, Debug)]
@@ -25,10 +29,14 @@ pub struct PastRun {
     pub is_recording: bool,
     /// Its path; empty where that is not known.
     pub waypoints: Vec<Waypoint>,
+    /// Paths that were driven after it, in order.
+    pub later_paths: Vec<Vec<Waypoint>>,
     /// Acceptance radius of a waypoint, m.
     pub acceptance_radius_m: f64,
     /// Reference speed, m/s.
     pub reference_speed_mps: f64,
+    /// From which tick on it was which, where every tick was recorded; else empty.
+    pub reference_speeds: Vec<(u64, f64)>,
     /// The map driven on.
     pub map: Option<Map>,
     /// Its curves, oldest first.
@@ -69,6 +77,12 @@ impl PastRun {
         path.extension().is_some_and(|extension| extension == RECORDING) || path.is_dir()
     }
 
+    /// Paths and reference speeds of a recording, for the pictures of the run it is of; `None` if it cannot be read.
+    pub fn changes(recording: &Path) -> Option<Changes> {
+        let read = Recording::open(recording).ok()?;
+        recording::ticks(&read).ok().map(|mut ticks| (ticks.later_paths(), ticks.speeds))
+    }
+
     /// What ran, for the titles of pictures.
     pub fn title(&self) -> String {
         title(&self.summary.scenario, &self.summary.controller, &self.summary.clock)
@@ -79,8 +93,10 @@ impl PastRun {
         PlotInput {
             title,
             waypoints: &self.waypoints,
+            later_paths: &self.later_paths,
             acceptance_radius_m: self.acceptance_radius_m,
             reference_speed_mps: self.reference_speed_mps,
+            reference_speeds: &self.reference_speeds,
             rows: &self.rows,
             map: self.map.as_ref(),
             mishaps: &self.mishaps,
