@@ -276,6 +276,9 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
                 .unwrap_or_else(|| Path::new(RUNS).join(stem))
         }
     };
+    if dir.exists() && !dir.is_dir() {
+        return Err(refused(format!("--out {}: is a file; choose a directory", dir.display())));
+    }
     let failed =
         |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
     fs::create_dir_all(&dir).map_err(failed)?;

@@ -5,12 +5,15 @@ mod recording;
 
 use super::{Mishaps, PlotInput, Summary};
 use crate::config::Scenario;
-use crate::recording::Recording;
+use crate::recording::{RECORDING_FILE, Recording};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
 use hilare_recorder::trace::TraceRow;
 use std::path::{Path, PathBuf};
+
+/// What a run leaves in its directory, without which it is read from its recording.
+const REPORT: [&str; 3] = ["summary.json", "system.toml", "trace.csv"];
 
 /// What a recording's name ends in.
 const RECORDING: &str = "mcap";
@@ -57,7 +60,16 @@ impl PastRun {
         let shown = place.display();
         let wanted = "a run's directory, as hilare run --out DIR makes it, or a recording (.mcap)";
         if place.is_dir() {
-            directory::open(place)
+            let recorded = place.join(RECORDING_FILE);
+            let lost = REPORT.iter().find(|file| !place.join(file).exists());
+            match lost {
+                // What is in the directory of a run that never finished.
+                Some(lost) if recorded.exists() => recording::open(&recorded).map(|mut run| {
+                    run.lacking.push(format!("{shown}: no {lost} in it; read from {RECORDING_FILE}"));
+                    run
+                }),
+                _ => directory::open(place),
+            }
         } else if place.extension().is_some_and(|extension| extension == RECORDING) {
             recording::open(place)
         } else if place.exists() {

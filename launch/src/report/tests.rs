@@ -318,10 +318,10 @@ fn what_changed_during_the_drive_is_drawn() {
     let rows = [row(5, 0.0, 0.0), row(2000, 0.1, 0.0), row(4000, 0.2, 0.0)];
     let one = PlotInput { rows: &rows, ..input() };
     let [path, _, speed] = drawn("one path", &one);
-    assert!(speed.contains("reference v_r 40.0 mm/s") && path.contains(">planned path, waypoints<"));
+    assert!(speed.contains("reference v_r 40.0 mm/s") && path.contains("planned path, waypoints"));
     let later = [vec![Waypoint::straight(0.2, 0.0), Waypoint::straight(0.7, 0.9)]];
     let two = PlotInput { later_paths: &later, reference_speeds: &[(1, 0.04), (2000, 0.06)], ..one };
     let [path, _, speed] = drawn("two paths", &two);
-    assert!(speed.contains(">reference v_r<") && !speed.contains("reference v_r 40.0"), "{speed}");
+    assert!(speed.contains("reference v_r") && !speed.contains("reference v_r 40.0"), "{speed}");
     assert!(path.contains("2 planned paths, waypoints"), "{path}");
 }
