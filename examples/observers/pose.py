@@ -38,7 +38,7 @@ class Robot:
             pid, directory = lock.read_text().rstrip("\n").split("\n", 1)
             self._launch = os.pidfd_open(int(pid))
         except (FileNotFoundError, ProcessLookupError, ValueError):
-            raise SystemExit(f"pose.py: no robot {name!r} is up; hilare up {name}") from None
+            raise SystemExit(f"pose.py: no robot {name!r} is up; hilare up SYSTEM --robot {name}") from None
         self.config_file = str(Path(directory) / "iceoryx2.toml")
 
     def is_gone(self):

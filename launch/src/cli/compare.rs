@@ -83,6 +83,10 @@ pub fn compare(args: &CompareArgs) -> VerbResult {
         args.named.iter().partition(|argument| PastRun::is_named_by(argument));
     match (&runs[..], &scenarios[..]) {
         ([], _) => compare_laws(args),
+        // A scenario is built in or a file; what is neither was meant to be a run.
+        (_, [missing, ..]) if !Path::new(missing.as_str()).exists() && Scenario::load(missing).is_err() => {
+            Err(refused(format!("{missing}: no such run; name a run's directory or a recording (.mcap)")))
+        }
         ([run, ..], [scenario, ..]) => Err(refused(format!(
             "{run} is a run that is over and {scenario} a scenario; compare either runs or laws on scenarios"
         ))),
@@ -168,6 +172,9 @@ pub(super) fn out_dir(given: Option<&Path>, verb: &str) -> Result<PathBuf, Failu
             free.unwrap_or_else(|| Path::new("runs").join(verb))
         }
     };
+    if dir.exists() && !dir.is_dir() {
+        return Err(refused(format!("--out {}: is a file; choose a directory", dir.display())));
+    }
     fs::create_dir_all(&dir)
         .map_err(|e| refused(format!("--out {}: {e}; choose a directory you can write", dir.display())))?;
     Ok(dir)

@@ -3,8 +3,9 @@
 use super::run::{Drive, RunArgs};
 use super::{VerbResult, print};
 use crate::manager::Failure;
+use crate::report::drove::in_words;
 use crate::report::{
-    Correction, Counters, PlotInput, RecordingSummary, RunIdentity, Summary, source, verdict_text,
+    Correction, Counters, PastRun, PlotInput, RecordingSummary, RunIdentity, Summary, source, verdict_text,
     write_report,
 };
 use crate::shell::observer::Handover;
@@ -29,6 +30,12 @@ pub struct End {
     pub restarts: u64,
     /// Controllers and boxes swapped.
     pub swaps: u64,
+    /// Laws and programs that drove, oldest first; empty where only the one that was asked for can have.
+    pub drove: Vec<String>,
+    /// Paths or parameters were changed during the drive.
+    pub changed: bool,
+    /// Another path than the scenario's was the last.
+    pub diverted: bool,
     /// Why it ended before it arrived.
     pub stopped_by: Option<String>,
     /// Something broke.
@@ -48,7 +55,12 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     let Some(handover) = end.handover else {
         return Err(Failure::Fault(end.stopped_by.unwrap_or_default()));
     };
-    let law = scenario.system.controller.law.name;
+    let asked = scenario.system.controller.driver().short_name();
+    let law = match &end.drove[..] {
+        [] => asked,
+        drove => in_words(drove.iter().cloned()),
+    };
+    let law = law.as_str();
     let mut summary = Summary::new(
         RunIdentity { scenario: &scenario.name, controller: law, clock: args.clock.name() },
         &handover.figures,
@@ -60,12 +72,19 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
     summary.clearance_min_m = drive.map.and_then(|map| least_clearance_m(map, &end.rows, radius_m));
     summary.recording = handover.recording.as_ref().map(RecordingSummary::from);
     summary.correction = scenario.correction.and_then(|band| Correction::of(&end.rows, band));
+    // Most drives go as they were asked for; then there is nothing to read for.
+    let changes = end.changed.then(|| PastRun::changes(out)).flatten();
+    let (later_paths, reference_speeds) = changes.unwrap_or_default();
+    // What was published is of the scenario's path, driven to its end.
+    let published = if summary.reached && !end.diverted { &scenario.published[..] } else { &[] };
     let plots = PlotInput {
         title: &source::title(&scenario.name, law, args.clock.name()),
         waypoints: drive.waypoints,
+        later_paths: &later_paths,
         map: drive.map,
         acceptance_radius_m: scenario.system.tracking.acceptance_radius_m,
         reference_speed_mps: scenario.system.tracking.speed_mps,
+        reference_speeds: &reference_speeds,
         rows: &end.rows,
         mishaps: &[],
     };
@@ -75,7 +94,7 @@ pub fn report(args: &RunArgs, drive: &Drive<'_>, out: &Path, end: End) -> VerbRe
         print(&summary.to_json());
     } else {
         let color = io::stdout().is_terminal();
-        print(&verdict_text(&summary, &scenario.published, end.stopped_by.as_deref(), color));
+        print(&verdict_text(&summary, published, end.stopped_by.as_deref(), color));
         print(&format!("Report: {}\n", out.display()));
     }
     let lost = (handover.gaps > 0)

@@ -284,6 +284,10 @@ fn usage(error: &clap::Error) -> ExitCode {
     let paragraph: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
     let what = paragraph.join(" ");
     let what = what.strip_prefix("error: ").unwrap_or(&what);
+    let what = what
+        .replace("invalid float literal", "a number is wanted, e.g. 0.5")
+        .replace("cannot parse float from empty string", "a number is wanted, e.g. 0.5")
+        .replace("invalid digit found in string", "a whole number is wanted, e.g. 5");
     let verb = std::env::args().nth(1).filter(|word| Cli::command().find_subcommand(word).is_some());
     let help = verb.map_or_else(|| "hilare --help".to_owned(), |verb| format!("hilare {verb} --help"));
     let _ = writeln!(io::stderr(), "hilare: {what}; see {help}");

@@ -15,7 +15,7 @@ use crate::shell::{ClockKind, build};
 use clap::Args;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{GoalKind, Mode, Waypoint};
+use hilare_interfaces::messages::{GoalKind, Mode, ReferenceState, Waypoint};
 use hilare_planner::{Map, Unlimited, check_crab};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs;
@@ -279,7 +279,7 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
     let dir = match &args.out {
         Some(dir) => dir.clone(),
         None => {
-            let law = scenario.system.controller.law.name;
+            let law = scenario.system.controller.driver().short_name();
             let stem = format!("{}-{law}-{}", scenario.name, args.clock);
             (1..)
                 .map(|n| Path::new(RUNS).join(format!("{stem}-{n}")))
@@ -287,6 +287,9 @@ fn open_out_dir(args: &RunArgs, scenario: &Scenario) -> Result<PathBuf, Failure>
                 .unwrap_or_else(|| Path::new(RUNS).join(stem))
         }
     };
+    if dir.exists() && !dir.is_dir() {
+        return Err(refused(format!("--out {}: is a file; choose a directory", dir.display())));
+    }
     let failed =
         |e: io::Error| refused(format!("--out {}: {e}; choose a directory you can write", dir.display()));
     fs::create_dir_all(&dir).map_err(failed)?;
@@ -331,6 +334,9 @@ fn run_in_process(drive: &Drive<'_>, max_ticks: Tick, order: Option<Order>) -> R
         handover: Some(Handover { figures: record.statistics.figures(), gaps: 0, recording }),
         lateness: Quantiles::default(),
         swaps: 0,
+        drove: Vec::new(),
+        changed: false,
+        diverted: false,
         restarts: 0,
     })
 }
@@ -357,8 +363,13 @@ fn run_processes(
     let mut manager = Manager::start(claim, job, log)?;
     show_page(&manager, args.json);
     manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    let mut first_path = None;
     let stopped_by = loop {
         manager.step(Duration::from_millis(20));
+        let reference = &manager.newest().reference;
+        if reference.state != ReferenceState::Idle.code() {
+            first_path.get_or_insert(reference.path_id);
+        }
         show(&bar, &manager);
         if manager.arrived() {
             break None;
@@ -378,6 +389,7 @@ fn run_processes(
     };
     bar.finish_and_clear();
     log.around(None);
+    let diverted = first_path.is_some_and(|path| path != manager.newest().reference.path_id);
     let outcome = manager.end();
     // The verdict comes below what led to it.
     log.flush();
@@ -395,6 +407,9 @@ fn run_processes(
         handover: outcome.handover,
         lateness: outcome.lateness,
         swaps: outcome.swaps,
+        drove: outcome.drove,
+        changed: diverted || outcome.param_changes > 0,
+        diverted,
         restarts: outcome.restarts,
     })
 }

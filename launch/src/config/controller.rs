@@ -3,7 +3,7 @@
 use super::group::Group;
 use hilare_controller::{LAWS, LawSpec, law};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What drives in a controller process.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,11 @@ impl Driver {
         }
     }
 
+    /// Name for titles and reports: of an executable its file's.
+    pub fn short_name(&self) -> String {
+        short_name(&self.name())
+    }
+
     /// The assignments that put it in charge.
     pub fn keys(name: &str) -> Vec<String> {
         if name.contains('/') {
@@ -40,6 +45,12 @@ impl Driver {
             vec![format!("controller.law={name}"), "controller.exec=".to_owned()]
         }
     }
+}
+
+/// The name of a driver without the directories it lies in.
+pub fn short_name(name: &str) -> String {
+    let file = Path::new(name).file_name().map(|file| file.to_string_lossy().into_owned());
+    file.unwrap_or_else(|| name.to_owned())
 }
 
 /// The chosen law and the parameters of all of them, so that a swap finds its values in the file too.

@@ -30,7 +30,7 @@ mod units;
 mod unusual;
 mod write;
 
-pub use controller::{ControllerConfig, Driver};
+pub use controller::{ControllerConfig, Driver, short_name};
 pub use error::ConfigError;
 pub use keys::{Condition, Form, Key, keys};
 pub use live::{Liveness, key_of};

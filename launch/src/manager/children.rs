@@ -210,7 +210,7 @@ fn memory_kills() -> u64 {
 fn describe(status: Option<ExitStatus>, kills_before: u64) -> String {
     match status {
         Some(status) => match (status.code(), status.signal()) {
-            (Some(0), _) => "ended".to_owned(),
+            (Some(0), _) => "ended with code 0".to_owned(),
             (Some(code), _) => format!("ended with code {code}"),
             (_, Some(9)) if memory_kills() > kills_before => "was killed for want of memory".to_owned(),
             (_, Some(9)) => "was killed (signal 9)".to_owned(),

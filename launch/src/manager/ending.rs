@@ -27,6 +27,8 @@ impl Manager {
             handover: self.handover.take(),
             lateness: self.timings().lateness.quantiles(),
             swaps: self.swaps,
+            param_changes: self.params.made,
+            drove: std::mem::take(&mut self.drove_names),
             restarts: self.members.iter().map(|member| member.restarts).sum(),
             fault: self.fault.take(),
             interrupted: self.interrupted || self.down,

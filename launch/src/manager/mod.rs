@@ -24,10 +24,11 @@ mod supervise;
 mod swap;
 mod systems;
 
-use crate::config::{System, Task};
+use crate::config::{Driver, System, Task};
 use crate::logging::LogSink;
 use crate::operator::{port, token};
 use crate::recording::Order;
+use crate::report::drove::Drove;
 use crate::shell::ClockKind;
 use crate::shell::observer::Handover;
 use crate::shell::page::SharedPage;
@@ -178,6 +179,8 @@ pub struct Manager {
     /// A swap under way.
     swap: Option<swap::Swap>,
     swaps: u64,
+    drove: Drove,
+    drove_names: Vec<String>,
     params: param::Params,
     /// Why the robot has to be armed again, if so.
     halted: Option<String>,
@@ -209,6 +212,10 @@ pub struct Outcome {
     pub restarts: u64,
     /// Controllers and boxes swapped.
     pub swaps: u64,
+    /// Changes of parameters.
+    pub param_changes: u64,
+    /// Laws and programs that drove, oldest first.
+    pub drove: Vec<String>,
     /// What went wrong.
     pub fault: Option<String>,
     /// Ended by a signal or `hilare down`.
@@ -261,6 +268,8 @@ impl Manager {
             systems,
             swap: None,
             swaps: 0,
+            drove: Drove::default(),
+            drove_names: Vec::new(),
             params: param::Params::default(),
             halted: None,
             notify: notify::Notify::from_environment(),
@@ -319,6 +328,7 @@ impl Manager {
         if let Some(steps) = self.ports.steps.last() {
             self.newest.steps = steps;
             self.follow_promotion();
+            self.note_driver(&steps);
             if steps.drive == Drive::PauseStop.code() && self.authority.mode == Mode::Armed.code() {
                 let limit = self.job.system.timing.pause_stop_ticks;
                 self.halt(Mode::Stop, &format!("paused for {limit} ticks or more (timing.pause_stop_ticks)"));
@@ -334,6 +344,13 @@ impl Manager {
             let Some(answer) = self.ports.answer.next() else { break };
             self.pass_on(&answer);
         }
+    }
+
+    /// Who drives, by the name it has now: later its place may be another's.
+    fn note_driver(&mut self, steps: &Steps) {
+        let Some((source, _)) = self.drove.note(steps) else { return };
+        let member = usize::try_from(source - 1).ok().and_then(|slot| self.members.get(slot));
+        self.drove_names.extend(member.and_then(|member| member.driver.as_ref()).map(Driver::short_name));
     }
 
     fn take(&mut self, event: Event) {

@@ -28,7 +28,7 @@ pub struct Status {
     pub path_state: String,
     /// Current waypoint.
     pub waypoint: u64,
-    /// Waypoints of the path.
+    /// Waypoints of the path, the start (waypoint 0) included.
     pub waypoints: u64,
     /// Estimated pose: m, m, rad; absent until the robot was armed for the first time.
     #[serde(deserialize_with = "three_numbers")]

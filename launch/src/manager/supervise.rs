@@ -4,6 +4,7 @@ use super::children::Running;
 use super::member::Duty;
 use super::swap::with_last_words;
 use super::{LEASE, LEAVE_PATIENCE, Manager, START_PATIENCE};
+use crate::config::Driver;
 use crate::shell::page::{Phase, SlotState, monotonic_ns};
 use hilare_interfaces::messages::{Drive, Mode};
 use hilare_interfaces::wires::Role;
@@ -40,7 +41,7 @@ impl Manager {
     /// What becomes of the place of a dead worker.
     fn succeed(&mut self, slot: usize, how: &str, gone: Option<&Running>, handed_over: bool) {
         if self.page.phase() != Phase::Go {
-            return self.give_up(slot, &with_last_words(how, self.members[slot].role, gone));
+            return self.fail_to_start(slot, &with_last_words(how, self.members[slot].role, gone));
         }
         if self.replaced(slot, how, gone) {
             return;
@@ -77,6 +78,19 @@ impl Manager {
             self.authority.mode = mode.code();
         }
         self.send_authority();
+    }
+
+    /// Nobody drives yet. Whoever asked for the robot gets this as the answer, so it is not logged besides.
+    fn fail_to_start(&mut self, slot: usize, how: &str) {
+        let member = &self.members[slot];
+        let program = match &member.driver {
+            Some(Driver::Exec(program)) => format!("; its program is {}", program.display()),
+            _ => String::new(),
+        };
+        let why = format!("{} {how}{program}", member.role.name());
+        self.authority.mode = Mode::Stop.code();
+        self.send_authority();
+        self.fault.get_or_insert(why);
     }
 
     /// The robot cannot go on.

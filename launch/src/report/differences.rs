@@ -318,18 +318,20 @@ impl Poses {
         let run = &self.run;
         let Some(tick) = self.first_different_tick else {
             match self.last_same_tick {
-                Some(_) if self.same_state_hash => text.push_str("  Poses: the same bits at every tick.\n"),
+                Some(_) if self.same_state_hash => {
+                    text.push_str("  Estimated poses: the same bits at every tick.\n")
+                }
                 Some(last) => {
                     let n = self.ticks_compared;
                     let _ = writeln!(
                         text,
-                        "  Poses: the same bits at all {n} ticks that both have kept, up to {last}."
+                        "  Estimated poses: the same bits at all {n} ticks that both have kept, up to {last}."
                     );
                 }
                 None => {
                     let _ = writeln!(
                         text,
-                        "  Poses: not compared, A and {run} have no tick of the same path in common."
+                        "  Estimated poses: not compared, A and {run} have no tick of the same path in common."
                     );
                 }
             }
@@ -342,7 +344,7 @@ impl Poses {
         let at_s = tick as f64 / 1000.0;
         let _ = writeln!(
             text,
-            "  Poses: first different at tick {tick} ({at_s:.3} s), by {off_mm:.3e} mm{since}."
+            "  Estimated poses: first different at tick {tick} ({at_s:.3} s), by {off_mm:.3e} mm{since}."
         );
     }
 }

@@ -13,6 +13,7 @@ pub mod chart;
 pub mod correction;
 pub mod curves;
 pub mod differences;
+pub mod drove;
 pub mod overlay;
 pub mod pictures;
 pub mod plan;

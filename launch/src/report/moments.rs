@@ -1,6 +1,6 @@
 //! A run over time: how fast, how far off the line, how well the robot knew where it was.
 
-use super::canvas::{BLUE, FAINT_BLUE, GREEN, ORANGE, VERMILION};
+use super::canvas::{BLUE, DARK, FAINT_BLUE, GREEN, ORANGE, VERMILION};
 use super::plots::{Mishaps, PlotInput};
 use super::timeline::{Curve, Timeline, changes, points, seconds, usable};
 use hilare_interfaces::block::TICKS_PER_SECOND;
@@ -46,13 +46,28 @@ pub(super) fn speed_svg(input: &PlotInput<'_>, height: i32) -> io::Result<String
         let way_mm = before.truth.position().distance_m(row.truth.position()) * 1e3;
         if row.speed_mps < 0.0 { -way_mm } else { way_mm }
     };
-    let curves = vec![
+    let mut curves = vec![
         truth("truth, over 0.1 s", truth_rate(input.rows, way_mm)),
         Curve::own("commanded, after the constraints", points(input.rows, |row| row.speed_mps * 1e3)),
     ];
-    let levels = reference.map(|v_r| (format!("reference v_r {v_r:.1} mm/s"), v_r)).into_iter().collect();
+    let name = |v_r: f64| format!("reference v_r {v_r:.1} mm/s");
+    let mut levels = Vec::new();
+    if input.reference_speeds.len() > 1 {
+        let end = input.rows.last().map_or(0, |row| row.tick);
+        let points = reference_stairs(input.reference_speeds, end);
+        curves.push(Curve { name: "reference v_r".to_owned(), color: DARK, width: 1, points });
+    } else {
+        levels.extend(reference.map(|v_r| (name(v_r), v_r)));
+    }
     let (title, y) = (&input.headed("Speed"), ("linear speed", "mm/s"));
     Timeline { title, y, height, curves, levels, changes: Vec::new() }.svg()
+}
+
+/// Reference speeds (mm/s) as stairs, to the tick `end`.
+fn reference_stairs(speeds: &[(u64, f64)], end: u64) -> Vec<(f64, f64)> {
+    let ends = speeds.iter().skip(1).map(|(tick, _)| *tick).chain([end]);
+    let steps = speeds.iter().zip(ends);
+    usable(steps.flat_map(|((from, mps), to)| [(seconds(*from), mps * 1e3), (seconds(to), mps * 1e3)]))
 }
 
 /// Distance of the truth to the path, and its mean.

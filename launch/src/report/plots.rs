@@ -13,6 +13,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use std::f64::consts::FRAC_PI_2;
 use std::io;
+use std::iter;
 use std::ops::Range;
 
 /// What is drawn.
@@ -22,10 +23,14 @@ pub struct PlotInput<'a> {
     pub title: &'a str,
     /// The planned path.
     pub waypoints: &'a [Waypoint],
+    /// Paths that were driven after it, in order.
+    pub later_paths: &'a [Vec<Waypoint>],
     /// Acceptance radius of a waypoint, d_T, m.
     pub acceptance_radius_m: f64,
     /// Reference speed, v_r, m/s.
     pub reference_speed_mps: f64,
+    /// From which tick on it was which, where it changed during the drive; else empty.
+    pub reference_speeds: &'a [(u64, f64)],
     /// The run, oldest first.
     pub rows: &'a [TraceRow],
     /// The map driven on.
@@ -136,10 +141,10 @@ pub(crate) fn course(waypoints: &[Waypoint]) -> impl Iterator<Item = WorldPoint>
 struct Trails {
     unit: &'static str,
     per_metre: f64,
-    /// The waypoints.
-    plan: Vec<(f64, f64)>,
+    /// The waypoints of every path.
+    plans: Vec<Vec<(f64, f64)>>,
     /// The lines and arcs between them.
-    course: Vec<(f64, f64)>,
+    courses: Vec<Vec<(f64, f64)>>,
     estimate: Vec<(f64, f64)>,
     truth: Vec<(f64, f64)>,
     radius: f64,
@@ -150,8 +155,11 @@ struct Trails {
 impl Trails {
     fn of(input: &PlotInput<'_>) -> Self {
         let usable = |x: f64, y: f64| (x.abs() < FAR_M && y.abs() < FAR_M).then_some((x, y));
-        let plan: Vec<_> = input.waypoints.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect();
-        let course: Vec<_> = course(input.waypoints).filter_map(|p| usable(p.x_m, p.y_m)).collect();
+        let paths = || iter::once(input.waypoints).chain(input.later_paths.iter().map(Vec::as_slice));
+        let plans: Vec<Vec<_>> =
+            paths().map(|path| path.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect()).collect();
+        let courses: Vec<Vec<_>> =
+            paths().map(|path| course(path).filter_map(|p| usable(p.x_m, p.y_m)).collect()).collect();
         let estimate: Vec<_> =
             input.rows.iter().filter_map(|row| usable(row.pose.x_m, row.pose.y_m)).collect();
         let truth: Vec<_> =
@@ -161,7 +169,7 @@ impl Trails {
             .iter()
             .map(|outline| outline.iter().filter_map(|p| usable(p.x_m, p.y_m)).collect())
             .collect();
-        let all = || course.iter().chain(&estimate).chain(&truth);
+        let all = || courses.iter().flatten().chain(&estimate).chain(&truth);
         // Millimetres as in the paper, as long as they can be read.
         let farthest = all().fold(0.0, |far: f64, (x, y)| far.max(x.abs()).max(y.abs()));
         let (unit, per_metre) = if farthest < 50.0 { ("mm", 1e3) } else { ("m", 1.0) };
@@ -171,21 +179,35 @@ impl Trails {
         let radius = input.acceptance_radius_m;
         let radius = if radius > 0.0 && radius < FAR_M { radius * per_metre } else { 0.0 };
         let obstacles = outlines.into_iter().map(scaled).collect();
-        let (plan, course) = (scaled(plan), scaled(course));
+        let plans = plans.into_iter().map(scaled).collect();
+        let courses = courses.into_iter().map(scaled).collect();
         let (estimate, truth) = (scaled(estimate), scaled(truth));
-        Self { unit, per_metre, radius, plan, course, estimate, truth, obstacles }
+        Self { unit, per_metre, radius, plans, courses, estimate, truth, obstacles }
+    }
+
+    /// Waypoints of all paths.
+    fn waypoints(&self) -> usize {
+        self.plans.iter().map(Vec::len).sum()
     }
 
     fn plane(&self) -> Plane {
-        let all = self.course.iter().chain(&self.estimate).chain(&self.truth).copied();
+        let all = self.courses.iter().flatten().chain(&self.estimate).chain(&self.truth).copied();
         // A robot that stands still is shown with a hand's breadth about it.
-        let margin = if self.plan.len() <= DOTS { self.radius } else { 0.0 };
+        let margin = if self.waypoints() <= DOTS { self.radius } else { 0.0 };
         Plane::around(all, margin.max(0.01 * self.per_metre))
     }
 
+    /// What the legend calls the paths.
+    fn planned(&self) -> String {
+        match self.plans.len() {
+            0 | 1 => "planned path, waypoints".to_owned(),
+            n => format!("{n} planned paths, waypoints"),
+        }
+    }
+
     fn legend(&self) -> Vec<Key> {
-        let mut legend = vec![Key::new(Sample::Waypoint(DARK), "planned path, waypoints")];
-        if self.radius > 0.0 && self.plan.len() <= DOTS {
+        let mut legend = vec![Key::new(Sample::Waypoint(DARK), self.planned())];
+        if self.radius > 0.0 && self.waypoints() <= DOTS {
             let radius = (self.radius * 10.0).round() / 10.0;
             legend.push(Key::new(Sample::Ring(LIGHT), format!("d_T {radius} {}", self.unit)));
         }
@@ -221,16 +243,19 @@ fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
     }))?;
     let (estimate, truth) = (thin::thin(&trails.estimate, POINTS), thin::thin(&trails.truth, POINTS));
     let radius = (trails.radius * plane.scale * f64::from(px(1))) as i32;
-    if trails.plan.len() <= DOTS && radius > px(4) {
-        chart.draw_series(trails.plan.iter().map(|p| Circle::new(*p, radius, line(LIGHT, 1))))?;
+    let few = trails.waypoints() <= DOTS;
+    if few && radius > px(4) {
+        chart.draw_series(trails.plans.iter().flatten().map(|p| Circle::new(*p, radius, line(LIGHT, 1))))?;
     }
-    chart.draw_series(LineSeries::new(thin::thin(&trails.course, POINTS), line(DARK, 1)))?;
+    for course in &trails.courses {
+        chart.draw_series(LineSeries::new(thin::thin(course, POINTS), line(DARK, 1)))?;
+    }
     // The broad truth lies under the narrow estimate: where they agree both are seen.
     chart.draw_series(LineSeries::new(truth.iter().copied(), line(ORANGE, 5)))?;
     chart.draw_series(LineSeries::new(estimate.iter().copied(), line(BLUE, 2)))?;
-    if trails.plan.len() <= DOTS {
-        let size = px(if trails.plan.len() > 100 { 2 } else { 3 });
-        chart.draw_series(trails.plan.iter().map(|p| Circle::new(*p, size, DARK.filled())))?;
+    if few {
+        let size = px(if trails.waypoints() > 100 { 2 } else { 3 });
+        chart.draw_series(trails.plans.iter().flatten().map(|p| Circle::new(*p, size, DARK.filled())))?;
     }
     if let (Some(start), Some(end)) = (trails.truth.first(), trails.truth.last()) {
         chart.draw_series([Circle::new(*start, px(5), GREEN.filled())])?;
@@ -240,7 +265,8 @@ fn draw_path(area: &Area<'_>, trails: &Trails, plane: &Plane) -> Drawn {
     let mut ink = pixels(&estimate);
     ink.extend(pixels(&truth));
     let style = text_style(labels::SIZE, DARK, HPos::Center, VPos::Center);
-    let numbers = labels::place(&pixels(&trails.plan), &ink);
+    // Each path counts its own waypoints.
+    let numbers: Vec<_> = trails.plans.iter().flat_map(|plan| labels::place(&pixels(plan), &ink)).collect();
     chart.draw_series(
         numbers.into_iter().map(|label| Text::new(label.text, plane.point(label.at), style.clone())),
     )?;

@@ -5,14 +5,21 @@ mod recording;
 
 use super::{Mishaps, PlotInput, Summary};
 use crate::config::Scenario;
+use crate::recording::{RECORDING_FILE, Recording};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Waypoint;
 use hilare_planner::Map;
 use hilare_recorder::trace::TraceRow;
 use std::path::{Path, PathBuf};
 
+/// What a run leaves in its directory, without which it is read from its recording.
+const REPORT: [&str; 3] = ["summary.json", "system.toml", "trace.csv"];
+
 /// What a recording's name ends in.
 const RECORDING: &str = "mcap";
+
+/// Paths that were driven after the first, and from which tick on the reference speed was which.
+pub type Changes = (Vec<Vec<Waypoint>>, Vec<(u64, f64)>);
 
 /// A run that is over.
 #[derive(Clone, Debug)]
@@ -25,10 +32,14 @@ pub struct PastRun {
     pub is_recording: bool,
     /// Its path; empty where that is not known.
     pub waypoints: Vec<Waypoint>,
+    /// Paths that were driven after it, in order.
+    pub later_paths: Vec<Vec<Waypoint>>,
     /// Acceptance radius of a waypoint, m.
     pub acceptance_radius_m: f64,
     /// Reference speed, m/s.
     pub reference_speed_mps: f64,
+    /// From which tick on it was which, where every tick was recorded; else empty.
+    pub reference_speeds: Vec<(u64, f64)>,
     /// The map driven on.
     pub map: Option<Map>,
     /// Its curves, oldest first.
@@ -49,7 +60,16 @@ impl PastRun {
         let shown = place.display();
         let wanted = "a run's directory, as hilare run --out DIR makes it, or a recording (.mcap)";
         if place.is_dir() {
-            directory::open(place)
+            let recorded = place.join(RECORDING_FILE);
+            let lost = REPORT.iter().find(|file| !place.join(file).exists());
+            match lost {
+                // What is in the directory of a run that never finished.
+                Some(lost) if recorded.exists() => recording::open(&recorded).map(|mut run| {
+                    run.lacking.push(format!("{shown}: no {lost} in it; read from {RECORDING_FILE}"));
+                    run
+                }),
+                _ => directory::open(place),
+            }
         } else if place.extension().is_some_and(|extension| extension == RECORDING) {
             recording::open(place)
         } else if place.exists() {
@@ -69,6 +89,12 @@ impl PastRun {
         path.extension().is_some_and(|extension| extension == RECORDING) || path.is_dir()
     }
 
+    /// Paths and reference speeds of a recording, for the pictures of the run it is of; `None` if it cannot be read.
+    pub fn changes(recording: &Path) -> Option<Changes> {
+        let read = Recording::open(recording).ok()?;
+        recording::ticks(&read).ok().map(|mut ticks| (ticks.later_paths(), ticks.speeds))
+    }
+
     /// What ran, for the titles of pictures.
     pub fn title(&self) -> String {
         title(&self.summary.scenario, &self.summary.controller, &self.summary.clock)
@@ -79,8 +105,10 @@ impl PastRun {
         PlotInput {
             title,
             waypoints: &self.waypoints,
+            later_paths: &self.later_paths,
             acceptance_radius_m: self.acceptance_radius_m,
             reference_speed_mps: self.reference_speed_mps,
+            reference_speeds: &self.reference_speeds,
             rows: &self.rows,
             map: self.map.as_ref(),
             mishaps: &self.mishaps,

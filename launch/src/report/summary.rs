@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct RunIdentity<'a> {
     /// Name of the scenario.
     pub scenario: &'a str,
-    /// The control law.
+    /// What drove: laws, and programs by their files' names; `kanayama, then qp` after a swap.
     pub controller: &'a str,
     /// `real`, `lockstep` or `in-process`.
     pub clock: &'a str,
@@ -63,7 +63,7 @@ pub struct LatenessUs {
 pub struct Summary {
     /// Name of the scenario.
     pub scenario: String,
-    /// The control law.
+    /// What drove: laws, and programs by their files' names; `kanayama, then qp` after a swap.
     pub controller: String,
     /// `real`, `lockstep` or `in-process`.
     pub clock: String,

@@ -174,8 +174,10 @@ fn input() -> PlotInput<'static> {
     PlotInput {
         title: "rectangle <&> \"kanayama\"",
         waypoints: &CORNERS,
+        later_paths: &[],
         acceptance_radius_m: 0.027,
         reference_speed_mps: 0.04,
+        reference_speeds: &[],
         rows: &[],
         map: None,
         mishaps: &[],
@@ -280,8 +282,10 @@ fn degenerate_runs_are_drawn() {
                 let input = PlotInput {
                     title: "\u{1b}[1m a title that is a good deal too long for its line, again and again and again",
                     waypoints,
+                    later_paths: &[],
                     acceptance_radius_m: radius,
                     reference_speed_mps: speed,
+                    reference_speeds: &[],
                     rows,
                     map: None,
                     mishaps: &[],
@@ -307,4 +311,17 @@ fn long_runs_stay_small() {
     let script = &waypoints[..43];
     let [path, ..] = drawn("script", &PlotInput { rows: &rows[..1], waypoints: script, ..input() });
     assert!(path.contains("x (mm)"));
+}
+
+#[test]
+fn what_changed_during_the_drive_is_drawn() {
+    let rows = [row(5, 0.0, 0.0), row(2000, 0.1, 0.0), row(4000, 0.2, 0.0)];
+    let one = PlotInput { rows: &rows, ..input() };
+    let [path, _, speed] = drawn("one path", &one);
+    assert!(speed.contains("reference v_r 40.0 mm/s") && path.contains("planned path, waypoints"));
+    let later = [vec![Waypoint::straight(0.2, 0.0), Waypoint::straight(0.7, 0.9)]];
+    let two = PlotInput { later_paths: &later, reference_speeds: &[(1, 0.04), (2000, 0.06)], ..one };
+    let [path, _, speed] = drawn("two paths", &two);
+    assert!(speed.contains("reference v_r") && !speed.contains("reference v_r 40.0"), "{speed}");
+    assert!(path.contains("2 planned paths, waypoints"), "{path}");
 }

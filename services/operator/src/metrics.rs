@@ -99,7 +99,13 @@ fn drive(robot: &Robot, text: &mut Text) {
         &[],
         robot.waypoint as f64,
     );
-    text.single("hilare_waypoints", Kind::Gauge, "Waypoints of the path.", &[], robot.waypoints as f64);
+    text.single(
+        "hilare_waypoints",
+        Kind::Gauge,
+        "Waypoints of the path, the start (waypoint 0) included.",
+        &[],
+        robot.waypoints as f64,
+    );
     text.single("hilare_speed_meters_per_second", Kind::Gauge, "Commanded speed.", &[], robot.speed_mps);
     text.single(
         "hilare_yaw_rate_radians_per_second",

@@ -109,6 +109,11 @@ impl RunStatistics {
         self.arrived = true;
     }
 
+    /// Counts on after an arrival: the robot was given another path.
+    pub fn go_on(&mut self) {
+        self.arrived = false;
+    }
+
     /// Takes in one tick.
     pub fn push(&mut self, record: TickRecord<'_>) {
         if record.reference.state == ReferenceState::Arrived.code() {

@@ -31,10 +31,14 @@ pub(super) fn open(dir: &Path) -> Result<PastRun, String> {
     });
     let rows = parse_csv(&read(dir, "trace.csv")?).map_err(|error| format!("{}/{error}", dir.display()))?;
     let (mut poses, mut mishaps) = (Vec::new(), Vec::new());
+    let (mut later_paths, mut reference_speeds) = (Vec::new(), Vec::new());
     if dir.join(RECORDING_FILE).exists() {
         let read = Recording::open(dir).map_err(|error| error.to_string());
         match read.and_then(|recording| recording::ticks(&recording)) {
-            Ok(ticks) => (poses, mishaps) = (ticks.poses, ticks.mishaps),
+            Ok(mut ticks) => {
+                later_paths = ticks.later_paths();
+                (poses, mishaps, reference_speeds) = (ticks.poses, ticks.mishaps, ticks.speeds);
+            }
             // The curves are in trace.csv.
             Err(error) => lacking.push(format!("{error}; left aside")),
         }
@@ -44,8 +48,10 @@ pub(super) fn open(dir: &Path) -> Result<PastRun, String> {
         summary,
         is_recording: false,
         waypoints,
+        later_paths,
         acceptance_radius_m: system.tracking.acceptance_radius_m,
         reference_speed_mps: system.tracking.speed_mps,
+        reference_speeds,
         map,
         rows,
         poses,

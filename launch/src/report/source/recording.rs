@@ -1,12 +1,16 @@
 //! A recording: every tick of a robot, also of one that was recorded while it was up.
 
 use super::PastRun;
-use crate::config::System;
+use crate::config::{System, short_name};
 use crate::recording::{Entry, Recording};
+use crate::report::drove::{self, Drove};
 use crate::report::{Counters, Mishaps, RunIdentity, Summary};
+use hilare_controller::{LAWS, law};
+use hilare_interfaces::block::TICKS_PER_SECOND;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::latency::Quantiles;
-use hilare_interfaces::messages::{ReferenceState, Waypoint};
+use hilare_interfaces::messages::{JournalKind, ReferenceState, Waypoint};
+use hilare_interfaces::wires::Role;
 use hilare_recorder::assembler::Assembler;
 use hilare_recorder::{RunRecord, TickRecord};
 use std::collections::BTreeMap;
@@ -14,6 +18,8 @@ use std::path::Path;
 
 /// Poses kept at most, 128 MB: an hour and more. Of what is longer, the rest is not compared bit for bit.
 const MAX_POSES: usize = 4_000_000;
+/// Paths drawn at most.
+const MAX_PATHS: usize = 1000;
 /// Changes of the counters kept at most.
 const MAX_MISHAPS: usize = 100_000;
 
@@ -25,13 +31,18 @@ pub(super) struct Ticks {
     pub poses: Vec<(u64, WorldPose)>,
     /// Counters wherever they changed, and at both ends.
     pub mishaps: Vec<Mishaps>,
-    /// Path under way at the end, and how many there were.
-    path: Option<u64>,
-    paths: usize,
-    /// Ticks after the arrival.
+    /// Paths that were driven, the last one under way at the end.
+    paths: Vec<u64>,
+    /// From which tick on the reference speed was which.
+    pub speeds: Vec<(u64, f64)>,
+    /// Ticks after the last arrival.
     after: u64,
     /// Every path, by its number.
     plans: BTreeMap<u64, Vec<Waypoint>>,
+    /// Who drove.
+    drove: Drove,
+    /// Law of each controller that said so: its place in the list of laws plus 1, 0 for a program.
+    laws: BTreeMap<drove::Driver, u64>,
     /// Ticks that are missing between the first and the last.
     gaps: u64,
 }
@@ -42,32 +53,74 @@ impl Ticks {
             record: RunRecord::new(period_ticks),
             poses: Vec::new(),
             mishaps: Vec::new(),
-            path: None,
-            paths: 0,
+            paths: Vec::new(),
+            speeds: Vec::new(),
             after: 0,
             plans: BTreeMap::new(),
+            drove: Drove::default(),
+            laws: BTreeMap::new(),
             gaps: 0,
         }
     }
 
     fn push(&mut self, tick: TickRecord<'_>) {
         // A robot that was joined while it waited for a path, or stood at the end of one.
-        if self.path.is_none() && tick.reference.state != ReferenceState::Tracking.code() {
+        let tracking = tick.reference.state == ReferenceState::Tracking.code();
+        let path = self.paths.last().copied();
+        if path.is_none() && !tracking {
             return;
+        }
+        if self.record.statistics.arrived() && tracking && path != Some(tick.reference.path_id) {
+            // Another drive; in between the robot stood.
+            self.record.statistics.go_on();
+            self.after = 0;
         }
         self.record.push(tick);
         if self.record.statistics.arrived() {
             self.after += 1;
             return;
         }
-        if self.path != Some(tick.reference.path_id) {
-            self.path = Some(tick.reference.path_id);
-            self.paths += 1;
+        if path != Some(tick.reference.path_id) && self.paths.len() < MAX_PATHS {
+            self.paths.push(tick.reference.path_id);
+        }
+        let speed_mps = tick.reference.speed_mps;
+        if tracking
+            && self.speeds.last().is_none_or(|(_, last)| *last != speed_mps)
+            && self.speeds.len() < MAX_MISHAPS
+        {
+            self.speeds.push((tick.steps.tick, speed_mps));
         }
         if self.poses.len() < MAX_POSES {
             self.poses.push((tick.steps.tick, tick.pose.pose()));
         }
+        self.drove.note(tick.steps);
         self.count(tick);
+    }
+
+    /// Who drove, in words; `asked` is what the recording says of a controller that was at work before it, and of
+    /// a program.
+    fn drove(&self, asked: &str) -> String {
+        let asked = short_name(asked);
+        let name = |driver: &drove::Driver| match self.laws.get(driver) {
+            None => asked.clone(),
+            Some(0) if law(&asked).is_none() => asked.clone(),
+            Some(0) => "external program".to_owned(),
+            Some(place) => LAWS.get(*place as usize - 1).map_or(asked.clone(), |law| law.name.to_owned()),
+        };
+        match self.drove.drivers() {
+            [] => asked.clone(),
+            drivers => drove::in_words(drivers.iter().map(name)),
+        }
+    }
+
+    /// The path that was driven first; empty where it is not known.
+    fn first_path(&mut self) -> Vec<Waypoint> {
+        self.paths.first().and_then(|path| self.plans.remove(path)).unwrap_or_default()
+    }
+
+    /// Those that were driven after it, as far as they are known.
+    pub fn later_paths(&mut self) -> Vec<Vec<Waypoint>> {
+        self.paths.iter().skip(1).filter_map(|path| self.plans.remove(path)).collect()
     }
 
     fn count(&mut self, TickRecord { steps, .. }: TickRecord<'_>) {
@@ -109,6 +162,11 @@ pub(super) fn ticks(recording: &Recording) -> Result<Ticks, String> {
             Entry::Path(header, waypoints) => {
                 ticks.plans.insert(header.path_id, waypoints);
             }
+            Entry::Journal(entry) => {
+                if entry.role == Role::Controller.code() && entry.kind == JournalKind::Began.code() {
+                    ticks.laws.insert((entry.slot + 1, entry.words[1]), entry.words[3]);
+                }
+            }
             _ => continue,
         }
         let gaps = assembler.gaps();
@@ -122,7 +180,7 @@ pub(super) fn ticks(recording: &Recording) -> Result<Ticks, String> {
         ticks.push(tick);
     });
     // Of a run that ended with its arrival there is no tick after it.
-    if ticks.path.is_some() && arrived_on == ticks.path {
+    if arrived_on.is_some() && arrived_on == ticks.paths.last().copied() {
         ticks.record.statistics.note_arrival();
     }
     ticks.gaps = assembler.gaps().saturating_sub(before.unwrap_or(0));
@@ -150,10 +208,15 @@ pub(super) fn open(file: &Path) -> Result<PastRun, String> {
         recording.truncated().is_some(),
         "it has no end; what came after its last whole chunk is lost".to_owned(),
     );
-    lacks(ticks.paths > 1, format!("{} paths were driven; the last one is drawn", ticks.paths));
-    lacks(ticks.after > 1, format!("{} ticks after the arrival are left away", ticks.after));
-    let waypoints = ticks.path.and_then(|path| ticks.plans.remove(&path)).unwrap_or_default();
-    lacks(waypoints.is_empty(), "its path is not in it and not drawn".to_owned());
+    let stood_s = ticks.after as f64 / TICKS_PER_SECOND as f64;
+    lacks(
+        ticks.after > 1,
+        format!("drawn to its arrival; the {stood_s:.3} s that it stood there are in it, too"),
+    );
+    let (waypoints, later_paths) = (ticks.first_path(), ticks.later_paths());
+    let lost = ticks.paths.len() - usize::from(!waypoints.is_empty()) - later_paths.len();
+    let of_paths = ticks.paths.len();
+    lacks(lost > 0, format!("{lost} of its {of_paths} paths are not in it and not drawn"));
     let system_text = recording.system().unwrap_or_default().to_owned();
     let system = recording.system().and_then(|text| System::parse("system.toml", text).ok());
     lacks(
@@ -168,7 +231,8 @@ pub(super) fn open(file: &Path) -> Result<PastRun, String> {
     });
     let info = recording.info();
     let scenario = if info.scenario.is_empty() { &info.robot } else { &info.scenario };
-    let identity = RunIdentity { scenario, controller: &info.controller, clock: &info.clock };
+    let controller = ticks.drove(&info.controller);
+    let identity = RunIdentity { scenario, controller: &controller, clock: &info.clock };
     let wheels = system.as_ref().map_or(0, |system| system.chassis.wheels());
     let figures = ticks.record.statistics.figures();
     Ok(PastRun {
@@ -176,9 +240,11 @@ pub(super) fn open(file: &Path) -> Result<PastRun, String> {
         summary: Summary::new(identity, &figures, wheels, Counters::default(), Quantiles::default()),
         is_recording: true,
         waypoints,
+        later_paths,
         acceptance_radius_m: system.as_ref().map_or(0.0, |system| system.tracking.acceptance_radius_m),
         // Not a number is not drawn.
         reference_speed_mps: system.as_ref().map_or(f64::NAN, |system| system.tracking.speed_mps),
+        reference_speeds: ticks.speeds,
         map,
         rows,
         poses: ticks.poses,

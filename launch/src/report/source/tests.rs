@@ -66,8 +66,10 @@ fn driven(dir: &Path, changes: &[&str]) -> (RunRecord, Vec<Waypoint>) {
     let input = PlotInput {
         title: &super::title(&scenario.name, NAMES.0, NAMES.1),
         waypoints: &waypoints,
+        later_paths: &[],
         acceptance_radius_m: system.tracking.acceptance_radius_m,
         reference_speed_mps: system.tracking.speed_mps,
+        reference_speeds: &[],
         rows: record.trace.rows(),
         map: None,
         mishaps: &[],
