@@ -77,7 +77,7 @@ pub fn record(args: &RecordArgs) -> VerbResult {
 
     let (began, mut asked, mut went_down) = (Instant::now(), Instant::now(), false);
     let enough = || args.seconds.is_some_and(|seconds| began.elapsed().as_secs_f64() >= seconds);
-    while !told_to_end.load(Ordering::Relaxed) && !enough() && !went_down {
+    while !told_to_end.load(Ordering::Relaxed) && !enough() && !went_down && !tape.has_failed() {
         if asked.elapsed() > LIFE {
             asked = Instant::now();
             went_down = !living_robots().contains(&robot);

@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use tracing::warn;
@@ -81,6 +81,7 @@ pub struct Tape {
     queue: Option<Sender<Batch>>,
     emptied: Receiver<Batch>,
     waiting: Arc<AtomicUsize>,
+    failed: Arc<AtomicBool>,
     thread: JoinHandle<Written>,
     done: Receiver<()>,
     last_warning: Option<Instant>,
@@ -101,7 +102,8 @@ impl Tape {
         hindrance: impl FnMut() + Send + 'static,
     ) -> Result<Self, RecordingError> {
         let period_ticks = info.period_ticks;
-        let writer = writer::Writer::begin(settings.clone(), info, system)?;
+        let failed = Arc::new(AtomicBool::new(false));
+        let writer = writer::Writer::begin(settings.clone(), info, system, Arc::clone(&failed))?;
         let (queue, batches) = bounded(MAX_BATCHES);
         let (give_back, emptied) = bounded(SPARE_BATCHES);
         let (finished, done) = bounded(1);
@@ -132,6 +134,7 @@ impl Tape {
             queue: Some(queue),
             emptied,
             waiting,
+            failed,
             thread,
             done,
             last_warning: None,
@@ -238,6 +241,11 @@ impl Tape {
             );
             self.dropped_since = 0;
         }
+    }
+
+    /// True once the disk has refused: nothing more will be written.
+    pub fn has_failed(&self) -> bool {
+        self.failed.load(Ordering::Acquire)
     }
 
     /// Bytes that wait for the disk.

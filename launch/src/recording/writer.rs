@@ -9,6 +9,8 @@ use super::tape::{Batch, Item};
 use super::wires::{Entry, RECORDED};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tracing::warn;
 
@@ -38,11 +40,18 @@ pub(super) struct Writer {
     views: Views,
     view_sequences: Vec<u32>,
     written: Written,
+    /// The disk has refused; whoever records for nothing else need not go on.
+    failed: Arc<AtomicBool>,
 }
 
 impl Writer {
     /// Begins the first part, behind those that are there.
-    pub(super) fn begin(settings: Settings, info: RunInfo, system: String) -> Result<Self, RecordingError> {
+    pub(super) fn begin(
+        settings: Settings,
+        info: RunInfo,
+        system: String,
+        failed: Arc<AtomicBool>,
+    ) -> Result<Self, RecordingError> {
         let views = Views::new(info.period_ticks, settings.wheels, settings.count_rad);
         let mut writer = Self {
             settings,
@@ -53,6 +62,7 @@ impl Writer {
             views,
             view_sequences: vec![0; ros::channels().len()],
             written: Written::default(),
+            failed,
         };
         writer.next_part()?;
         Ok(writer)
@@ -174,6 +184,7 @@ impl Writer {
     fn tell(&mut self, error: &RecordingError) {
         if self.written.trouble.is_none() {
             warn!("{error}: recording ends here, the run goes on");
+            self.failed.store(true, Ordering::Release);
             self.written.trouble = Some(error.to_string());
         }
     }

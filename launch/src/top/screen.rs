@@ -117,7 +117,11 @@ pub fn lines(shown: &Shown, width: usize, height: usize, style: Style) -> Vec<St
     }
     all.push(line());
     all.extend(table(shown, width, style));
-    all.push(line());
+    let mut after = line();
+    if shown.processes.iter().any(|process| process.name.starts_with("plant")) {
+        after.say("plant  looks every 4 ms where nobody waits for it: 2 ms late is meant");
+    }
+    all.push(after);
     all.extend(wires(shown, width, style));
     all.push(bars(shown, line(), style));
     let mut texts: Vec<String> = all.into_iter().map(|line| line.text).collect();

@@ -161,3 +161,11 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_lateness_of_a_plant_has_its_footnote() {
+    let mut shown = driving();
+    assert!(!all(&shown, 80, 40).contains("2 ms late is meant"));
+    shown.processes.push(process("plant", None, false));
+    assert!(all(&shown, 80, 40).contains("nobody waits for it: 2 ms late is meant"));
+}

@@ -61,7 +61,7 @@ param_group! {
         speed_price_s: f64 = 1.25, "s", 0.01, 100.0;
         /// Cross-track error below which it counts quadratically, δ.
         knee_m: f64 = 0.0005, "m", 1e-5, 0.1;
-        /// Travel that is looked ahead, in turn radii (or in acceptance diameters if those are larger).
+        /// Length of travel looked ahead, in turn radii (or in acceptance diameters if those are larger).
         horizon: f64 = 5.0, "", 1.0, 20.0;
         /// How far inside the acceptance circle a plan must come, for steps and slip.
         circle_margin_m: f64 = 0.0005, "m", 0.0, 0.01;
