@@ -5,6 +5,7 @@
 
 mod compare;
 mod compare_runs;
+mod demo;
 mod diagram;
 mod doctor;
 mod ending;
@@ -49,7 +50,7 @@ enum Verb {
     #[command(
         after_help = "Example: hilare demo\nExit codes: 0 done, 1 fault during the run, 2 wrong use or bad input."
     )]
-    Demo(run::DemoArgs),
+    Demo(demo::DemoArgs),
     /// Run a scenario to its end and report
     #[command(after_help = "Examples:\n  hilare run rectangle\n  hilare run so --clock lockstep --json\n  \
         hilare run rectangle --path my.csv --set plant.slip_mean=0.03 --out runs/mine\n\
@@ -225,8 +226,8 @@ pub fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     let result = match cli.verb {
-        None => run::demo(&run::DemoArgs::default()),
-        Some(Verb::Demo(args)) => run::demo(&args),
+        None => demo::demo(&demo::DemoArgs::default()),
+        Some(Verb::Demo(args)) => demo::demo(&args),
         Some(Verb::Run(args)) => run::run(&args),
         Some(Verb::Up(args)) => up::up(&args),
         Some(Verb::Down(args)) => operate::down(&args),

@@ -6,7 +6,6 @@ use super::{VerbResult, print, refused, warn};
 use crate::config::{Scenario, System, Task};
 use crate::logging::{self, LogSink};
 use crate::manager::{Claim, Failure, Job, Manager};
-use crate::operator::port;
 use crate::recording::info::remove_parts;
 use crate::recording::{Order, RECORDING_FILE, RunInfo, Settings, Tape};
 use crate::shell::in_process::InProcess;
@@ -24,113 +23,53 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tracing::{Level, warn};
 
-/// Options of `hilare demo`.
-#[derive(Args, Default)]
-pub struct DemoArgs {
-    /// Directory for the report [default: runs/rectangle-kanayama-real-N]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Name the robot runs under
-    #[arg(long, value_name = "NAME")]
-    robot: Option<String>,
-    /// Port of the operator's page; 0 for none [default: 7070, or none if that is taken]
-    #[arg(long, value_name = "N")]
-    port: Option<u16>,
-    /// Address and port of a live view for Foxglove and Lichtblick, e.g. 127.0.0.1:8765
-    #[arg(long, value_name = "ADDR")]
-    foxglove: Option<String>,
-    /// Print summary.json instead of the verdict
-    #[arg(long)]
-    json: bool,
-}
-
 /// Options of `hilare run`.
 #[derive(Args)]
 pub struct RunArgs {
     /// Built-in scenario or a .toml file [built-in: rectangle, rectangle-open, trapezoid, so,
     /// platform, line-21deg, arc-102cm, agv-low, agv-high, agv-course]
     #[arg(value_name = "SCENARIO", required_unless_present = "path")]
-    scenario: Option<String>,
+    pub(super) scenario: Option<String>,
     /// Follow these waypoints instead (CSV, header x,y[,bulge[,crab_rad]], metres), starting on the first,
     /// heading 0; the robot is the scenario's, or the e-puck
     #[arg(long, value_name = "FILE.csv")]
-    path: Option<PathBuf>,
+    pub(super) path: Option<PathBuf>,
     /// Start pose instead: metres, metres, radians
     #[arg(long, value_name = "X,Y,THETA", allow_hyphen_values = true)]
-    start: Option<String>,
+    pub(super) start: Option<String>,
     /// Control law, or an executable that speaks the wires (a name with a /)
     #[arg(long, value_name = "LAW")]
-    controller: Option<String>,
+    pub(super) controller: Option<String>,
     /// Law or executable of a second controller that takes over within the tick
     #[arg(long, value_name = "LAW")]
-    standby: Option<String>,
+    pub(super) standby: Option<String>,
     /// Address and port of the operator's page and metrics for Prometheus, e.g. 127.0.0.1:7070
     #[arg(long, value_name = "ADDR")]
-    listen: Option<String>,
+    pub(super) listen: Option<String>,
     /// Address and port of a live view for Foxglove and Lichtblick, e.g. 127.0.0.1:8765
     #[arg(long, value_name = "ADDR")]
-    foxglove: Option<String>,
+    pub(super) foxglove: Option<String>,
     /// What drives the ticks: real, lockstep or in-process
     #[arg(long, value_name = "CLOCK", default_value = "real")]
     pub(super) clock: ClockKind,
     /// Seed of the simulated slip, start error and camera noise
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    seed: Option<u64>,
+    pub(super) seed: Option<u64>,
     /// Set a key of the system file, e.g. plant.slip_mean=0.03 (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
-    set: Vec<String>,
+    pub(super) set: Vec<String>,
     /// Name the robot runs under
     #[arg(long, value_name = "NAME")]
-    robot: Option<String>,
+    pub(super) robot: Option<String>,
     /// Keep no recording of the run (run.mcap)
     #[arg(long)]
-    no_recording: bool,
+    pub(super) no_recording: bool,
     /// Directory for the report; one that is there is replaced [default: runs/SCENARIO-LAW-CLOCK-N]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Print summary.json instead of the verdict
     #[arg(long)]
     pub(super) json: bool,
-}
-
-/// The port of the page of `hilare demo`.
-const PORT: u16 = 7070;
-
-/// Where the page of `hilare demo` listens. Only for one that was asked for is a port that is taken a reason not to
-/// begin.
-fn demo_listen(port: Option<u16>) -> Option<String> {
-    let listen = |port: u16| format!("127.0.0.1:{port}");
-    match port {
-        Some(0) => None,
-        Some(port) => Some(listen(port)),
-        None => match port::check(port::LISTEN, &listen(PORT)) {
-            Ok(()) => Some(listen(PORT)),
-            Err(why) => {
-                let _ = writeln!(io::stderr(), "hilare: no page: {why} (hilare demo --port N)");
-                None
-            }
-        },
-    }
-}
-
-/// The standard job: the closed rectangle, in real time.
-pub fn demo(args: &DemoArgs) -> VerbResult {
-    run(&RunArgs {
-        scenario: Some("rectangle".to_owned()),
-        path: None,
-        start: None,
-        controller: None,
-        standby: None,
-        listen: demo_listen(args.port),
-        foxglove: args.foxglove.clone(),
-        clock: ClockKind::Real,
-        seed: None,
-        set: Vec::new(),
-        no_recording: false,
-        robot: args.robot.clone(),
-        out: args.out.clone(),
-        json: args.json,
-    })
 }
 
 /// A scenario to its end, with a report.
