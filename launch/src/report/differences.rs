@@ -319,7 +319,7 @@ impl Poses {
         let Some(tick) = self.first_different_tick else {
             match self.last_same_tick {
                 Some(_) if self.same_state_hash => {
-                    text.push_str("  Estimated poses: the same bits at every tick.\n")
+                    text.push_str("  Estimated poses: the same bits at every tick.\n");
                 }
                 Some(last) => {
                     let n = self.ticks_compared;
