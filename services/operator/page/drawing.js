@@ -1,6 +1,6 @@
 // The drawn path beside the map: what the robot would make of it, its table, its files, and that it is not lost.
 
-import { $, hint, make, mm } from "./dom.js";
+import { $, hint, make, mm, put } from "./dom.js";
 import { parseCsv, toCsv } from "./path.js";
 
 /** Least time between two predictions while a waypoint is dragged. */
@@ -32,7 +32,8 @@ export class Drawing {
     $("remove").disabled = path.selected < 0;
     $("clear").disabled = !path.points.length;
     $("export").disabled = path.points.length < 2;
-    if (this.picture.prediction?.of !== path.points.length || !path.unsent) this.picture.prediction = null;
+    // Marks of a path with other waypoints would stand at the wrong ones.
+    if (this.picture.prediction?.of !== path.points.length || !path.unsent) this.forget();
     this.picture.touch();
     this.showTable();
     this.store();
@@ -78,12 +79,8 @@ export class Drawing {
   /** Asks what the robot would make of the drawn path. */
   async judge() {
     this.timer = 0;
-    const { path, picture, link } = this;
-    if (!path.unsent || path.points.length < 2 || !link.isOpen) {
-      picture.prediction = null;
-      picture.touch();
-      return;
-    }
+    const { path, link } = this;
+    if (!path.unsent || path.points.length < 2 || !link.isOpen) return this.forget();
     [this.asking, this.again] = [true, false];
     const answer = await link.ask("predict", { waypoints: path.points });
     this.asking = false;
@@ -92,24 +89,29 @@ export class Drawing {
     else this.show(answer);
   }
 
+  forget() {
+    this.picture.prediction = null;
+    put("predicted", "");
+    this.picture.touch();
+  }
+
   /** Marks where the robot would leave the tolerance or touch an obstacle. */
   show(answer) {
+    this.forget();
+    if (!answer.ok) return hint(answer.message, 10);
     const tolerance = Number($("tolerance").value) / 1e3;
-    const { path, picture } = this;
-    picture.prediction = null;
-    if (answer.ok) {
-      // Of the segment that ends at waypoint i: its deviation comes from the corner that it begins with.
-      const after = answer.cross_track_max_m.slice(1);
-      const bad = new Map(after.map((d, i) => [i, d]).filter(([, d]) => d != null && tolerance > 0 && d > tolerance));
-      picture.prediction = { of: path.points.length, after, bad, touched: new Set(answer.touched) };
-      const said = [`predicted: ${answer.reached ? `${answer.duration_s.toFixed(1)} s` : `not reached within ${answer.duration_s.toFixed(0)} s`}`];
-      said.push(`cross-track ${mm(answer.mean_m)} mm in the mean, ${mm(answer.max_m)} mm at most`);
-      if (bad.size) said.push(`${bad.size === 1 ? "1 corner leaves" : `${bad.size} corners leave`} the tolerance`);
-      if (answer.touched.length) said.push("TOUCHES AN OBSTACLE");
-      hint(said.join("; "), 0);
-    } else hint(answer.message, 10);
+    // Of the segment that ends at waypoint i: its deviation comes from the corner that it begins with.
+    const after = answer.cross_track_max_m.slice(1);
+    const bad = new Map(after.map((d, i) => [i, d]).filter(([, d]) => d != null && tolerance > 0 && d > tolerance));
+    this.picture.prediction = { of: this.path.points.length, after, bad, touched: new Set(answer.touched) };
+    const said = [`predicted: ${answer.reached ? `${answer.duration_s.toFixed(1)} s` : `not reached within ${answer.duration_s.toFixed(0)} s`}`];
+    said.push(`cross-track ${mm(answer.mean_m)} mm in the mean, ${mm(answer.max_m)} mm at most`);
+    if (bad.size) said.push(`${bad.size === 1 ? "1 corner leaves" : `${bad.size} corners leave`} the tolerance`);
+    if (answer.touched.length) said.push("TOUCHES AN OBSTACLE");
+    put("predicted", said.join("; "));
+    $("predicted").toggleAttribute("data-bad", bad.size > 0 || answer.touched.length > 0 || !answer.reached);
     this.showTable();
-    picture.touch();
+    this.picture.touch();
   }
 
   // ---- table
@@ -117,7 +119,7 @@ export class Drawing {
   showTable() {
     const { path } = this;
     const title = `${path.points.length} waypoints${path.unsent && path.points.length ? ", not sent yet" : ""}`;
-    if ($("table-title").textContent !== title) $("table-title").textContent = title;
+    put("table-title", title);
     const body = $("table").tBodies[0];
     // Whoever types in it is not disturbed.
     if (!$("table-box").open || body.contains(document.activeElement)) return;

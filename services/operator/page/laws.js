@@ -2,6 +2,10 @@
 
 import { $, hint } from "./dom.js";
 
+/** Time between two looks who is in charge, and how many of them. */
+const LOOK_MS = 50;
+const LOOKS = 20;
+
 /** `swap(law)` puts a law in charge and tells, when it is done, whether it worked; `inCharge()` names the one that is. */
 export class Laws {
   constructor(swap, inCharge) {
@@ -34,8 +38,10 @@ export class Laws {
     this.menu.disabled = true;
     hint(`${law} is being tried`, 0);
     const done = await this.swap(law);
+    // What the robot says of itself comes a little later.
+    for (let looks = 0; done && this.inCharge() !== law && looks < LOOKS; looks++) await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
     delete this.menu.dataset.busy;
     this.menu.disabled = false;
-    this.menu.value = done ? law : this.inCharge();
+    this.menu.value = this.inCharge() ?? law;
   }
 }

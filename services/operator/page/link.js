@@ -32,22 +32,17 @@ export class Link {
     this.socket = socket;
     // What comes over a connection that was given up is of yesterday.
     const now = (act) => (event) => this.socket === socket && act(event);
-    socket.onopen = now(() => {
-      this.tries = 0;
-      this.note();
-    });
+    // It is no connection before the robot is heard.
+    socket.onopen = now(() => (this.heard = performance.now()));
     socket.onmessage = now((event) => {
-      this.note();
+      this.heard = performance.now();
+      this.tries = 0;
+      this.become("open");
       const message = JSON.parse(event.data);
       if (message.type === "answer") this.settle(message);
       else this.hear(message);
     });
     socket.onclose = now(() => this.lose());
-  }
-
-  note() {
-    this.heard = performance.now();
-    this.become("open");
   }
 
   become(state) {
@@ -70,7 +65,7 @@ export class Link {
     if (silence > SILENCE_MS) {
       this.socket.close();
       this.lose();
-    } else if (silence > STALE_MS) this.become("stale");
+    } else if (silence > STALE_MS && this.state === "open") this.become("stale");
   }
 
   get isOpen() {

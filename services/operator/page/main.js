@@ -249,5 +249,5 @@ setInterval(() => {
   track.draw();
 }, LOOK_MS);
 
-/** For tests and the curious: where the map is. */
-globalThis.hilare = { view, path, picture, link };
+/** For tests and the curious. */
+globalThis.hilare = { view, path, picture, link, plots: [speed, track] };

@@ -25,7 +25,7 @@ export class StatePanel {
     this.hasPath = hasPath;
     this.last = null;
     this.at = 0;
-    this.link = "lost";
+    this.link = "lost"; // until something is heard
   }
 
   /** Takes over what the robot says of itself. */
@@ -38,7 +38,6 @@ export class StatePanel {
   /** Takes over how the connection is. */
   connection(link) {
     this.link = link;
-    put("link", { open: "connected", stale: "silent", lost: "lost, trying again" }[link]);
     this.show();
   }
 
@@ -52,7 +51,9 @@ export class StatePanel {
 
   show() {
     const old = this.old();
-    document.body.dataset.link = old && this.link === "open" ? "stale" : this.link;
+    const link = old && this.link === "open" ? "stale" : this.link;
+    document.body.dataset.link = link;
+    put("link", { open: "connected", stale: "silent", lost: "lost, trying again" }[link]);
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
