@@ -55,13 +55,13 @@ impl Browser {
     }
 
     /// Runs a scenario on a robot's page.
-    fn run(&self, lab: &Lab, robot: &str, url: &str, scenario: &str) {
+    fn run(&self, lab: &Lab, robot: &str, url: &str, scenario: &str, more: &[(&str, &str)]) {
         let mut command = lab.command_of("node");
         command.arg(self.scenarios.path().join(format!("{scenario}.mjs")));
         command.env("HILARE_PAGE", url).env("HILARE_BIN", env!("CARGO_BIN_EXE_hilare"));
         command.env("HILARE_TEST_ROBOT", robot).env("HILARE_CHROMIUM", &self.chromium);
         let so = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch/scenarios/so.csv");
-        command.env("HILARE_SO", so).env("HOME", lab.dir());
+        command.env("HILARE_SO", so).env("HOME", lab.dir()).envs(more.iter().copied());
         let ended = support::Running::start(command).wait(SCENARIO);
         print!("{}", ended.stdout);
         assert_eq!(ended.code, Some(0), "{scenario}: {}{}", ended.stdout, ended.stderr);
@@ -99,7 +99,7 @@ fn so_is_drawn_with_the_mouse_driven_and_arrived_at() {
     let _machine = support::whole_machine();
     let lab = Lab::new();
     let (robot, url) = up(&lab, &["--set", "start.x_m=0.2", "--set", "start.y_m=0.2"]);
-    browser.run(&lab, &robot, &url, "draw_so");
+    browser.run(&lab, &robot, &url, "draw_so", &[]);
     down(&lab, &robot);
 }
 
@@ -112,8 +112,57 @@ fn waypoints_are_dragged_and_the_page_is_read_by_everybody() {
     let lab = Lab::new();
     let (robot, url) =
         up(&lab, &["--set", "planner.map=platform", "--set", "start.x_m=0.2", "--set", "start.y_m=0.2"]);
-    browser.run(&lab, &robot, &url, "drag");
-    browser.run(&lab, &robot, &url, "access");
+    browser.run(&lab, &robot, &url, "drag", &[]);
+    browser.run(&lab, &robot, &url, "access", &[]);
+    down(&lab, &robot);
+}
+
+/// A map of cells in a YAML file and a PGM, turned against the world: a wall to be driven around, marks in two
+/// corners, a cell nobody knows. Its start is four and a half cells to the right and up.
+fn map_of_cells(lab: &Lab) -> (String, [String; 2]) {
+    const ROWS: [&str; 9] = [
+        "#..........?",
+        "............",
+        "......#.....",
+        "......#.....",
+        "......#.....",
+        "......#.....",
+        "......#.....",
+        "......#.....",
+        "##....#.....",
+    ];
+    let (cell_m, [x_m, y_m, yaw_rad]) = (0.05, [-0.2, 0.1, 0.3_f64]);
+    let shades: Vec<&str> = ROWS
+        .iter()
+        .flat_map(|row| row.chars())
+        .map(|cell| match cell {
+            '#' => "0",
+            '?' => "205",
+            _ => "254",
+        })
+        .collect();
+    let picture = format!("P2 {} {} 255\n{}\n", ROWS[0].len(), ROWS.len(), shades.join(" "));
+    fs::write(lab.dir().join("cells.pgm"), picture).expect("a picture");
+    let file = lab.dir().join("cells.yaml");
+    let yaml = format!(
+        "image: cells.pgm\nresolution: {cell_m}\norigin: [{x_m}, {y_m}, {yaw_rad}]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    );
+    fs::write(&file, yaml).expect("a map");
+    let (along_m, (sin, cos)) = (4.5 * cell_m, yaw_rad.sin_cos());
+    let start = [("x", x_m + along_m * (cos - sin)), ("y", y_m + along_m * (sin + cos))];
+    (file.to_string_lossy().into_owned(), start.map(|(axis, at_m)| format!("start.{axis}_m={at_m}")))
+}
+
+#[test]
+fn a_map_of_cells_is_where_it_is_and_goals_are_driven_to_around_its_walls() {
+    let test = "a_map_of_cells_is_where_it_is_and_goals_are_driven_to_around_its_walls";
+    let Some(browser) = Browser::find(test) else { return };
+    let _machine = support::whole_machine();
+    let lab = Lab::new();
+    let (map, [x, y]) = map_of_cells(&lab);
+    let (robot, url) = up(&lab, &["--set", &format!("planner.map={map}"), "--set", &x, "--set", &y]);
+    browser.run(&lab, &robot, &url, "map", &[("HILARE_MAP", &map)]);
     down(&lab, &robot);
 }
 
@@ -123,17 +172,20 @@ fn a_click_on_stop_stops_it_within_a_tenth_of_a_second() {
     let _machine = support::whole_machine();
     let lab = Lab::new();
     let (robot, url) = up(&lab, &[]);
-    browser.run(&lab, &robot, &url, "stop");
+    browser.run(&lab, &robot, &url, "stop", &[]);
     down(&lab, &robot);
 }
 
 #[test]
-fn in_mid_drive_laws_are_swapped_and_pages_loaded_anew() {
-    let Some(browser) = Browser::find("in_mid_drive_laws_are_swapped_and_pages_loaded_anew") else { return };
+fn in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost() {
+    let Some(browser) = Browser::find("in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost") else {
+        return;
+    };
     let _machine = support::whole_machine();
     let lab = Lab::new();
     let (robot, url) = up(&lab, &[]);
-    browser.run(&lab, &robot, &url, "swap");
+    browser.run(&lab, &robot, &url, "swap", &[]);
+    browser.run(&lab, &robot, &url, "lost", &[]);
     down(&lab, &robot);
 }
 
@@ -145,7 +197,7 @@ fn faults_are_shown_with_their_reason() {
     let set = |key: &'static str| ["--set", key];
     let more = [set("supervision.resume_by_operator=true"), set("supervision.restart_budget=1")].concat();
     let (robot, url) = up(&lab, &more);
-    browser.run(&lab, &robot, &url, "fault");
+    browser.run(&lab, &robot, &url, "fault", &[]);
     wait_until("it has ended", || lab.processes().is_empty());
 }
 

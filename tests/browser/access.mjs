@@ -1,8 +1,10 @@
-// Nothing serious in the eyes of axe, dark and light, at a desk and on a phone; everything is reached by keys.
+// Nothing serious in the eyes of axe, dark and light, at a desk and on a phone; colours that colour-blind eyes tell
+// apart; everything is reached by keys, and by a finger.
 
 import { createRequire } from "node:module";
 import { readFileSync } from "node:fs";
-import { assert, at, drawn, inBrowser, picture, show } from "./page.mjs";
+import { assert, at, drawn, inBrowser, ink, picture, redraw, state } from "./page.mjs";
+import { unlike } from "./eyes.mjs";
 
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const looks = [
@@ -19,6 +21,8 @@ for (const [name, options] of looks) {
     const { violations } = await page.evaluate(() => globalThis.axe.run());
     const bad = violations.filter(({ impact }) => ["serious", "critical"].includes(impact));
     assert(!bad.length, `${name}: ${JSON.stringify(bad.map(({ id, nodes }) => [id, nodes.map((node) => node.html)]))}`);
+    const lines = Object.fromEntries(await Promise.all(["blue", "orange", "green", "purple"].map(async (name) => [name, await ink(page, name)])));
+    unlike(lines, await ink(page, "floor")).forEach((trouble) => assert(!trouble, `${name}: ${trouble}`));
     // STOP is in sight wherever one has scrolled to.
     await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
     const box = await page.locator("#stop").boundingBox();
@@ -36,32 +40,61 @@ await inBrowser(async (page) => {
   for (const id of ["stop", "arm", "estop", "law", "draw", "import", "map", "log-lines"]) {
     assert(seen.has(id), `${id} is not reached by Tab: ${[...seen]}`);
   }
-  // A path by keys alone.
+  // A path by keys alone: drawn, corrected, driven, stopped.
   await page.locator("#map").focus();
   await page.keyboard.press("Enter");
-  const first = await drawn(page);
+  const [first] = await drawn(page);
   await page.keyboard.press("ArrowRight");
-  const [last] = (await drawn(page)).slice(-1);
-  assert(Math.abs(last[0] - first[first.length - 1][0] - 0.01) < 1e-6, "an arrow key moves it by a centimetre");
+  const [moved] = await drawn(page);
+  assert(Math.abs(moved[0] - first[0] - 0.01) < 1e-6, "an arrow key moves it by a centimetre");
+  await page.keyboard.press("Control+z");
+  await page.keyboard.press("Delete");
+  assert((await drawn(page)).length === 0, "Delete removes it");
+  await page.keyboard.press("Enter");
+  await page.keyboard.press("1");
+  for (let i = 0; i < 3; i++) await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("2");
+  await page.keyboard.press("Enter");
+  const [from, to] = await drawn(page);
+  assert(to[0] > from[0] && to[1] === from[1], `${from} to ${to}`);
+  await page.keyboard.press("b");
+  assert((await page.evaluate(() => globalThis.hilare.path.selected)) === 0, "B selects the one before");
+  await page.keyboard.press("r");
+  await state(page, "driving");
+  await page.keyboard.press(" ");
+  await state(page, "stopped");
 });
 
-// Two fingers zoom, one finger sets a waypoint.
+// A tap sets a waypoint, one finger drags it or moves the map, two zoom.
 await inBrowser(async (page) => {
-  await page.click("[data-tool=draw]");
-  const box = await page.locator("#map").boundingBox();
-  const count = (await drawn(page)).length;
-  await page.touchscreen.tap(box.x + box.width / 3, box.y + box.height / 3);
-  assert((await drawn(page)).length === count + 1, "a tap sets a waypoint");
-  const scale = () => page.evaluate(() => globalThis.hilare.view.scale);
-  const before = await scale();
+  await redraw(page, [-0.5, -0.5, 0.5, 0.5], []);
   const session = await page.context().newCDPSession(page);
-  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
-  const fingers = (apart) => [{ x: x - apart, y, id: 1 }, { x: x + apart, y, id: 2 }];
-  await session.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints: fingers(30) });
-  for (let apart = 35; apart <= 90; apart += 5) await session.send("Input.dispatchTouchEvent", { type: "touchMove", touchPoints: fingers(apart) });
-  await session.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
-  assert((await scale()) > 2 * before, `two fingers apart zoom in: ${before} -> ${await scale()}`);
-  assert((await drawn(page)).length === count + 1, "and set no waypoint");
-  await show(page, [-1, -1, 1, 1]);
-  await at(page, 0, 0);
+  const touch = (type, ...points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  const drag = async ([x0, y0], [x1, y1]) => {
+    await touch("touchStart", [x0, y0]);
+    for (let i = 1; i <= 10; i++) await touch("touchMove", [x0 + ((x1 - x0) * i) / 10, y0 + ((y1 - y0) * i) / 10]);
+    await touch("touchEnd");
+  };
+  const view = () => page.evaluate(() => (({ x, y, scale }) => ({ x, y, scale }))(globalThis.hilare.view));
+  await page.touchscreen.tap(...(await at(page, 0.1, 0.1)));
+  const [tapped] = await drawn(page);
+  assert(Math.hypot(tapped[0] - 0.1, tapped[1] - 0.1) < 0.01, `a tap sets a waypoint: ${tapped}`);
+
+  await drag(await at(page, ...tapped), await at(page, -0.2, 0.25));
+  const dragged = await drawn(page);
+  assert(dragged.length === 1 && Math.hypot(dragged[0][0] + 0.2, dragged[0][1] - 0.25) < 0.02, `a finger drags it to ${dragged}`);
+
+  const before = await view();
+  await drag(await at(page, 0.2, -0.2), await at(page, 0.3, -0.2));
+  const panned = await view();
+  assert(Math.abs(before.x - panned.x - 0.1) < 0.02 && (await drawn(page)).length === 1, `a finger beside it moves the map: ${before.x} to ${panned.x}`);
+
+  const [x, y] = await at(page, 0, 0);
+  await touch("touchStart", [x - 30, y], [x + 30, y]);
+  for (let half = 35; half <= 90; half += 5) await touch("touchMove", [x - half, y], [x + half, y]);
+  await touch("touchEnd");
+  const zoomed = await view();
+  assert(zoomed.scale > 2 * panned.scale && (await drawn(page)).length === 1, `two fingers apart zoom in: ${panned.scale} to ${zoomed.scale}`);
+  const [mx, my] = await at(page, 0, 0);
+  assert(Math.hypot(mx - x, my - y) < 20, `and what is between them stays: ${mx - x}, ${my - y} px off`);
 }, looks[2][1]);

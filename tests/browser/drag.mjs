@@ -1,7 +1,8 @@
 // Waypoints are moved with the mouse and by keys, removed, brought back; a file goes in and comes out the same.
 
-import { assert, at, drawn, inBrowser, show } from "./page.mjs";
-import { readFileSync } from "node:fs";
+import { apart, assert, at, command, drawn, inBrowser, ink, patches, show } from "./page.mjs";
+import { mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
 
 await inBrowser(async (page) => {
   await page.click("[data-tool=draw]");
@@ -65,4 +66,33 @@ await inBrowser(async (page) => {
     await page.waitForFunction((said) => document.getElementById("hint").textContent.startsWith(said), said);
   }
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "what was refused changes nothing");
+
+  // What the robot would make of it is what a run of the same path comes to, and is shown where it happens.
+  const predicted = () => page.waitForFunction(() => globalThis.hilare.picture.prediction && document.getElementById("predicted").textContent);
+  const draw = (points) => page.setInputFiles("#file", { name: "path.csv", mimeType: "text/csv", buffer: Buffer.from(points) });
+  const hairpin = "x,y\n0.2,0.2\n0.4,0.2\n0.2,0.22\n0.2,0.1\n";
+  await page.fill("#tolerance", "15");
+  await draw(hairpin);
+  const said = await (await predicted()).jsonValue();
+  const file = join(mkdtempSync(join(process.env.HOME, "path-")), "path.csv");
+  writeFileSync(file, hairpin);
+  const run = JSON.parse(await command("run", "--path", file, "--start", "0.2,0.2,0", "--clock", "in-process", "--json", "--out", `${file}.run`));
+  const most = (run.cross_track_max_m * 1e3).toFixed(1);
+  assert(most > 15 && said.includes(`${most} mm at most`) && said.includes(`${run.duration_s.toFixed(1)} s`), `a run: ${most} mm, ${run.duration_s} s; the page: ${said}`);
+  const bad = await page.evaluate(() => [...globalThis.hilare.picture.prediction.bad]);
+  assert(bad.length >= 1 && bad.some(([i, off]) => i === 1 && off > 0.015), `marked: ${bad}`);
+  assert(said.includes(`${bad.length} corner`) && !said.includes("OBSTACLE"), said);
+  // The lower side of the triangle, beside the waypoint's square.
+  const scale = await page.evaluate(() => globalThis.hilare.view.scale);
+  const [[below], red] = [await patches(page, [[0.4 + 8 / scale, 0.2 - 8 / scale]]), await ink(page, "red")];
+  assert(below.some((pixel) => apart(pixel, red) < 20), `the mark is ${below.join(" ")}, not ${red}`);
+  await page.fill("#tolerance", "200");
+  await page.locator("#tolerance").blur();
+  await page.waitForFunction(() => globalThis.hilare.picture.prediction?.bad.size === 0);
+
+  // A disc of the platform lies at 0.52, 0.2.
+  await draw("x,y\n0.2,0.2\n0.35,0.2\n0.7,0.2\n");
+  await page.waitForFunction(() => document.getElementById("predicted").textContent.includes("TOUCHES AN OBSTACLE"));
+  const touched = await page.evaluate(() => [...globalThis.hilare.picture.prediction.touched]);
+  assert(JSON.stringify(touched) === "[2]", `on the way to waypoint ${touched}`);
 });

@@ -26,7 +26,7 @@ await inBrowser(async (page) => {
     assert(off * scale <= 1, `waypoint ${i} is ${off} m off`);
   });
   // What it would come to is said before it is driven.
-  await page.waitForFunction(() => document.getElementById("hint").textContent.startsWith("predicted:"));
+  await page.waitForFunction(() => document.getElementById("predicted").textContent.startsWith("predicted:"));
   await page.click("#run");
   await state(page, "driving");
   await until("on its way", (status) => status.path_state === "tracking" && status.waypoints === so.length);

@@ -1,6 +1,6 @@
 // What goes wrong is said, with its reason: a controller that is killed, then a robot that is given up.
 
-import { assert, at, inBrowser, picture, show, state, status, until } from "./page.mjs";
+import { assert, forgive, inBrowser, picture, redraw, state, status, until } from "./page.mjs";
 
 const kill = async (box) => {
   const { pid } = (await status()).processes.find((one) => one.name === box && one.pid);
@@ -8,10 +8,7 @@ const kill = async (box) => {
 };
 
 await inBrowser(async (page) => {
-  await page.click("[data-tool=draw]");
-  await show(page, [-0.2, -0.5, 2.2, 0.5]);
-  await page.mouse.click(...(await at(page, 0, 0)));
-  await page.mouse.click(...(await at(page, 2, 0)));
+  await redraw(page, [-0.2, -0.5, 2.2, 0.5], [[0, 0], [2, 0]]);
   await page.click("#run");
   await state(page, "driving");
 
@@ -34,7 +31,8 @@ await inBrowser(async (page) => {
   await page.waitForFunction(() => document.getElementById("fault").textContent.includes("pose_estimator"));
   await page.waitForFunction(() => document.getElementById("state-text").textContent === "ROBOT IS DOWN");
   assert(await page.locator("#fault").isVisible(), "the reason is in sight");
+  for (const id of ["run", "pause", "arm", "reset", "law"]) assert(await page.locator(`#${id}`).isDisabled(), `${id} does nothing any more`);
   await picture(page, "fault");
   // Nobody is there any more to answer the page: that is no trouble of its own.
-  page.troubles = page.troubles.filter((trouble) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(trouble));
+  forgive(page);
 });

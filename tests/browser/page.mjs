@@ -46,6 +46,11 @@ export async function open(context) {
   return page;
 }
 
+/** What the browser says of a connection that was meant to be lost is no trouble. */
+export function forgive(page) {
+  page.troubles = page.troubles.filter((trouble) => !/ERR_CONNECTION|ERR_FAILED|ERR_ABORTED|WebSocket connection/.test(trouble));
+}
+
 export async function sound(page) {
   if (page.troubles.length) throw new Error(`on the console: ${page.troubles.join("; ")}`);
 }
@@ -54,11 +59,14 @@ export async function state(page, wanted, patience = PATIENCE_MS) {
   await page.waitForSelector(`body[data-state=${wanted}]`, { timeout: patience });
 }
 
-/** A hilare command about the robot; its standard output. */
-export async function ask(...args) {
-  const { stdout } = await promisify(execFile)(hilare, [...args, "--robot", robot]);
+/** A hilare command; its standard output. */
+export async function command(...args) {
+  const { stdout } = await promisify(execFile)(hilare, args);
   return stdout;
 }
+
+/** A hilare command about the robot. */
+export const ask = (...args) => command(...args, "--robot", robot);
 
 export async function status() {
   // A robot with a fault is a status, too, if not a good one.
@@ -108,8 +116,40 @@ export async function at(page, x, y) {
   return [box.x + px, box.y + py];
 }
 
+/** What the map shows at world points: the colours [r, g, b] of 5 x 5 pixels, by brightness. */
+export const patches = (page, points) =>
+  page.evaluate((points) => {
+    const { view, picture } = globalThis.hilare;
+    picture.draw();
+    const copy = new OffscreenCanvas(picture.canvas.width, picture.canvas.height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(picture.canvas, 0, 0);
+    return points.map(([x, y]) => {
+      const [px, py] = view.toScreen(x, y).map((v) => Math.round(v * devicePixelRatio) - 2);
+      const { data } = copy.getImageData(px, py, 5, 5);
+      const pixels = Array.from({ length: 25 }, (_, i) => [...data.slice(4 * i, 4 * i + 3)]);
+      const brightness = ([r, g, b]) => r + g + b;
+      return pixels.sort((a, b) => brightness(a) - brightness(b));
+    });
+  }, points);
+
+/** The one in the middle of each. */
+export const colours = async (page, points) => (await patches(page, points)).map((pixels) => pixels[12]);
+
+/** A colour of the page by its name, as [r, g, b]. */
+export const ink = (page, name) => page.evaluate((name) => globalThis.hilare.picture.colour(name).match(/\w\w/g).map((part) => parseInt(part, 16)), name);
+
+export const apart = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
+
 /** The path as the page has drawn it. */
 export const drawn = (page) => page.evaluate(() => globalThis.hilare.path.points.map(([x, y]) => [x, y]));
+
+/** Draws another path, click by click, with this part of the world in view. */
+export async function redraw(page, box, points) {
+  await page.evaluate(() => globalThis.hilare.path.replace([]));
+  await page.click("[data-tool=draw]");
+  await show(page, box);
+  for (const [x, y] of points) await page.mouse.click(...(await at(page, x, y)));
+}
 
 /** Shows this part of the world: x and y from, x and y to. */
 export const show = (page, box) => page.evaluate((box) => globalThis.hilare.view.fit(box), box);

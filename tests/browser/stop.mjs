@@ -1,16 +1,12 @@
 // STOP by click, Space and Escape: within 100 ticks of the click the steps say so. E-stop is latched until reset.
 
-import { ask, assert, at, inBrowser, listen, picture, show, state, until } from "./page.mjs";
+import { ask, assert, inBrowser, listen, picture, redraw, state, until } from "./page.mjs";
 
 const STOPPED = 4; // Drive::Stop
 const DRIVING = 1;
 
 await inBrowser(async (page) => {
-  await page.click("[data-tool=draw]");
-  await page.locator("#clear").click({ timeout: 1000 }).catch(() => {});
-  await show(page, [-0.2, -1, 3.2, 1]);
-  await page.mouse.click(...(await at(page, 0, 0)));
-  await page.mouse.click(...(await at(page, 3, 0)));
+  await redraw(page, [-0.2, -1, 3.2, 1], [[0, 0], [3, 0]]);
   await page.click("#run");
   await state(page, "driving");
   const steps = listen("steps");
@@ -32,6 +28,18 @@ await inBrowser(async (page) => {
       await page.locator("#tolerance").focus();
       await page.keyboard.press("Escape");
     }],
+    ["Space in a field", async () => {
+      await page.locator("#tolerance").focus();
+      await page.keyboard.press(" ");
+    }],
+    ["Space on the menu of laws", async () => {
+      await page.locator("#law").focus();
+      await page.keyboard.press(" ");
+    }],
+    ["Space on a box", async () => {
+      await page.locator("#follow").focus();
+      await page.keyboard.press(" ");
+    }],
   ];
   for (const [way, press] of ways) {
     // A message is some milliseconds on its way from the tick to here: so the tick of the press is rather too early.
@@ -49,9 +57,17 @@ await inBrowser(async (page) => {
     await page.click("#pause");
     await state(page, "driving");
   }
+  assert(!(await page.locator("#follow").isChecked()), "the space bar has ticked no box");
+  await page.locator("#follow").press("Enter");
+  assert(await page.locator("#follow").isChecked(), "Enter does");
   await page.click("#estop");
   await state(page, "estop");
   assert(await page.locator("#run").isDisabled() && await page.locator("#arm").isDisabled(), "nothing arms it now");
+  await page.click("#reset");
+  // The question is in nobody's way: STOP can be clicked, and is a no.
+  await page.click("#stop");
+  await page.waitForSelector("#ask", { state: "hidden" });
+  assert((await ask("status")).includes("e-stop"), "not released");
   await page.click("#reset");
   await page.click("#ask-yes");
   await state(page, "disarmed");

@@ -1,13 +1,9 @@
-// Another law in charge in mid-drive; the page reloaded in mid-drive; two pages at once.
+// Another law in charge in mid-drive, by mouse and by keys; the page reloaded in mid-drive; two pages at once.
 
-import { assert, at, drawn, inBrowser, open, show, sound, state, until } from "./page.mjs";
+import { assert, at, drawn, inBrowser, open, redraw, sound, state, until } from "./page.mjs";
 
 await inBrowser(async (page, context) => {
-  await page.click("[data-tool=draw]");
-  await page.locator("#clear").click({ timeout: 1000 }).catch(() => {});
-  await show(page, [-0.2, -0.5, 2.2, 0.5]);
-  await page.mouse.click(...(await at(page, 0, 0)));
-  await page.mouse.click(...(await at(page, 2, 0.1)));
+  await redraw(page, [-0.2, -0.5, 2.2, 0.5], [[0, 0], [2, 0.1]]);
   await page.click("#run");
   await state(page, "driving");
   const before = await until("driving", (status) => status.speed_mps > 0.01);
@@ -18,15 +14,37 @@ await inBrowser(async (page, context) => {
   assert(swapped.swaps === before.swaps + 1 && swapped.cycles_without_command === before.cycles_without_command, JSON.stringify(swapped));
   await state(page, "driving");
 
+  // Keys go through the menu, and nothing but Enter puts one in charge.
+  await page.waitForSelector("#law:enabled");
+  await page.locator("#law").focus();
+  await page.keyboard.press("Home");
+  const chosen = await page.inputValue("#law");
+  await page.waitForFunction((law) => document.getElementById("hint").textContent === `Enter puts ${law} in charge`, chosen);
+  assert(chosen !== "qp" && (await until("driving", (status) => status.drive === "driving")).swaps === swapped.swaps, "no law on the way drives");
+  await page.keyboard.press("Enter");
+  await until("with the law that was chosen", (status) => status.processes.some((p) => p.authority && p.law === chosen));
+  await state(page, "driving");
+
+  const began = await page.evaluate(() => globalThis.hilare.plots[0].data[0][0]);
   const trail = await page.evaluate(() => globalThis.hilare.picture.trails.estimate.length);
   await page.reload();
   await page.waitForSelector("body[data-link=open]");
   await state(page, "driving");
-  assert((await page.inputValue("#law")) === "qp", "the law in charge is shown");
+  assert((await page.inputValue("#law")) === chosen, "the law in charge is shown");
   const kept = await page.evaluate(() => globalThis.hilare.picture.trails.estimate.length);
   assert(kept >= 0.9 * trail, `of ${trail} points of the trail ${kept} are left`);
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(path), "the path is kept");
   assert(await page.locator("#log li").count() > 0, "the log is kept");
+  const first = await page.evaluate(() => globalThis.hilare.plots[0].data[0][0]);
+  assert(Math.abs(first - began) < 1, `plots begin at ${first} s, not at ${began} s`);
+  // What was drawn and not sent comes back as well.
+  await page.mouse.click(...(await at(page, 1, 0.4)));
+  const more = await drawn(page);
+  assert(more.length === path.length + 1, "one more waypoint");
+  await page.reload();
+  await state(page, "driving");
+  assert(JSON.stringify(await drawn(page)) === JSON.stringify(more), "what was drawn is kept");
+  assert((await page.textContent("#table-title")).includes("not sent yet"), "and is not sent by that");
 
   const second = await open(context);
   await state(second, "driving");

@@ -4,7 +4,6 @@ use crate::config::System;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use hilare_controller::LAWS;
-use hilare_interfaces::geometry::WorldPoint;
 use hilare_operator::message::Place;
 use hilare_planner::Map;
 use hilare_planner::map::{GridPoint, Layer, MapFrame, Obstacle};
@@ -39,13 +38,9 @@ fn drawn(map: &Map) -> Value {
     let frame = map.frame();
     let (width, height) = (frame.width_cells() as f64, frame.height_cells() as f64);
     let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
-        .map(|(u, v)| frame.to_world(GridPoint { u, v }));
-    let least = |of: fn(&WorldPoint) -> f64| corners.iter().map(of).fold(f64::INFINITY, f64::min);
-    let most = |of: fn(&WorldPoint) -> f64| corners.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
-    let mut value = json!({
-        "x0": least(|corner| corner.x_m), "y0": least(|corner| corner.y_m),
-        "x1": most(|corner| corner.x_m), "y1": most(|corner| corner.y_m),
-    });
+        .map(|(u, v)| frame.to_world(GridPoint { u, v }))
+        .map(|corner| [corner.x_m, corner.y_m]);
+    let mut value = json!({ "corners": corners });
     if let Layer::Obstacles(obstacles) = map.layer() {
         value["obstacles"] = obstacles.iter().map(|obstacle| shape(frame, obstacle)).collect();
     }
@@ -92,12 +87,12 @@ mod tests {
         let value = hello(&system, "real");
         let obstacles = value["map"]["obstacles"].as_array().expect("obstacles");
         assert!(obstacles.len() > 3 && obstacles.iter().any(|one| one["disc"].is_array()), "{value}");
+        let corner = |i: usize, axis: usize| value["map"]["corners"][i][axis].as_f64().expect("a corner");
         let inside = |x: f64, y: f64| {
-            let edge = |key: &str| value["map"][key].as_f64().expect("an edge");
-            x >= edge("x0") - 1e-9
-                && x <= edge("x1") + 1e-9
-                && y >= edge("y0") - 1e-9
-                && y <= edge("y1") + 1e-9
+            x >= corner(0, 0) - 1e-9
+                && x <= corner(2, 0) + 1e-9
+                && y >= corner(0, 1) - 1e-9
+                && y <= corner(2, 1) + 1e-9
         };
         for one in obstacles.iter().filter_map(|one| one["polygon"].as_array()).flatten() {
             assert!(inside(one[0].as_f64().expect("x"), one[1].as_f64().expect("y")), "{one}");

@@ -36,6 +36,7 @@ use hilare_operator::message::{Answer, Order, Place, State};
 use hilare_operator::robot::Robot;
 use hilare_operator::server::{Rules, serve};
 use hilare_operator::{Source, Verdict};
+use hilare_planner::ClearanceField;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -58,6 +59,8 @@ struct Shared {
     socket: PathBuf,
     heard: Mutex<Heard>,
     slow: Mutex<Slow>,
+    /// Distances on the map, and the number of the system they are of.
+    field: Mutex<(Option<u64>, Option<Arc<ClearanceField>>)>,
     live: Live,
 }
 
@@ -82,6 +85,7 @@ impl OperatorProcess {
             socket: dir.join(SOCKET),
             heard: Mutex::new(wires.heard()),
             slow: Mutex::default(),
+            field: Mutex::default(),
             live: Live::default(),
         });
         let door = Arc::new(Door::open()?);

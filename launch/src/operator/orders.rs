@@ -9,6 +9,8 @@ use crate::manager::control::{Request, ask};
 use crate::shell::worker::system_file;
 use hilare_interfaces::messages::Waypoint;
 use hilare_operator::message::{Answer, Order, Point};
+use hilare_planner::ClearanceField;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Carries an order out.
@@ -67,11 +69,24 @@ fn foretell(shared: &Shared, points: &[Point], cancelled: &AtomicBool) -> Result
     let waypoints: Vec<Waypoint> =
         points.iter().map(|&[x_m, y_m, bulge, crab_rad]| Waypoint { x_m, y_m, bulge, crab_rad }).collect();
     let pose = lock(&shared.heard).pose;
-    let told = predict(&system, &waypoints, pose, cancelled)?;
+    let told = predict(&system, field(shared, &system).as_deref(), &waypoints, pose, cancelled)?;
     Ok(Answer::done("")
         .with("reached", told.reached)
         .with("duration_s", told.duration_s)
         .with("mean_m", told.mean_m)
         .with("max_m", told.max_m)
-        .with("cross_track_max_m", told.cross_track_max_m))
+        .with("cross_track_max_m", told.cross_track_max_m)
+        .with("touched", told.touched))
+}
+
+/// Distances on the map in force: made once for each system, for it takes a while. A map that cannot be loaded is the
+/// planner's complaint.
+fn field(shared: &Shared, system: &System) -> Option<Arc<ClearanceField>> {
+    let number = lock(&shared.slow).system;
+    let mut kept = lock(&shared.field);
+    if kept.0 != Some(number) {
+        let map = system.load_map().ok().flatten();
+        *kept = (Some(number), map.map(|map| Arc::new(ClearanceField::new(&map))));
+    }
+    kept.1.clone()
 }

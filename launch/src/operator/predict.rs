@@ -7,7 +7,7 @@ use crate::shell::in_process::InProcess;
 use hilare_interfaces::block::{TICK_S, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{GoalKind, ReferenceState, Waypoint};
-use hilare_planner::Unlimited;
+use hilare_planner::{ClearanceField, Unlimited};
 use hilare_recorder::statistics::RunStatistics;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -18,6 +18,8 @@ const TICKS_MAX: Tick = 1_800_000;
 const PATIENCE: Duration = Duration::from_secs(4);
 /// Ticks between two looks at the time.
 const LOOK: Tick = 512;
+/// Ticks between two looks at the obstacles: the robot goes a millimetre or two.
+const FEEL: Tick = 32;
 
 /// What would come of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +34,8 @@ pub struct Prediction {
     pub max_m: f64,
     /// The same of the segment that ends at each waypoint; none of the first, nor of what was not reached.
     pub cross_track_max_m: Vec<Option<f64>>,
+    /// Waypoints on the way to which the robot would touch an obstacle.
+    pub touched: Vec<usize>,
 }
 
 /// The system with what is in charge now, if that is a law.
@@ -46,9 +50,11 @@ pub fn with_law(mut system: System, law: Option<&str>) -> Result<System, String>
     }
 }
 
-/// Drives `waypoints` from a pose, the start pose if it has none; or says why the robot would not.
+/// Drives `waypoints` from a pose, the start pose if it has none, on the system's map, if there is one; or says why
+/// the robot would not.
 pub fn predict(
     system: &System,
+    map: Option<&ClearanceField>,
     waypoints: &[Waypoint],
     pose: Option<WorldPose>,
     cancelled: &AtomicBool,
@@ -73,6 +79,12 @@ pub fn predict(
             let aside_m =
                 if segment.is_line() { segment.cross_track_m(at) } else { segment.nearest(at).cross_track_m };
             let place = before.and_then(|before| (reference.index as usize).checked_sub(before));
+            if let (Some(map), Some(place)) = (map.filter(|_| tick.steps.tick.is_multiple_of(FEEL)), place)
+                && map.clearance_m(at).is_some_and(|free_m| free_m < system.planner.robot_radius_m)
+                && told.touched.last() != Some(&place)
+            {
+                told.touched.push(place);
+            }
             // On the way to the first waypoint it follows no segment of this path.
             let place = place.filter(|place| *place > 0);
             if let Some(most_m) = place.and_then(|place| told.cross_track_max_m.get_mut(place)) {
@@ -104,7 +116,7 @@ mod tests {
     fn a_prediction_is_what_a_run_of_the_same_path_comes_to() {
         let scenario = Scenario::load("so").expect("built in");
         let Task::Follow(waypoints) = &scenario.task else { panic!("it has a path") };
-        let told = predict(&scenario.system, waypoints, None, &GO_ON).expect("it can be driven");
+        let told = predict(&scenario.system, None, waypoints, None, &GO_ON).expect("it can be driven");
         let figures =
             InProcess::new(&scenario.system, waypoints).expect("a robot").run(500_000).statistics.figures();
         assert!(told.reached && figures.reached);
@@ -120,19 +132,35 @@ mod tests {
     fn a_sharp_corner_shows_where_it_is_and_the_way_to_the_path_does_not_count() {
         let system = System::default();
         let corner = [[0.5, 0.0], [1.0, 0.0], [0.5, 0.05], [1.0, 0.1]].map(|[x, y]| Waypoint::straight(x, y));
-        let told = predict(&system, &corner, None, &GO_ON).expect("it can be driven");
+        let told = predict(&system, None, &corner, None, &GO_ON).expect("it can be driven");
         let of = |place: usize| told.cross_track_max_m[place].expect("it was reached");
         assert!(told.reached && told.cross_track_max_m[0].is_none());
         assert!(of(1) < 0.005 && of(2) > 3.0 * of(1), "{:?}", told.cross_track_max_m);
         let there = WorldPose { x_m: 0.5, y_m: 0.0, theta_rad: 0.0 };
-        let from_there = predict(&system, &corner, Some(there), &GO_ON).expect("it can be driven");
+        let from_there = predict(&system, None, &corner, Some(there), &GO_ON).expect("it can be driven");
         assert!(from_there.duration_s < told.duration_s - 5.0);
+    }
+
+    #[test]
+    fn obstacles_are_felt_where_they_are() {
+        let mut system = System::default();
+        system.set("planner.map=platform").expect("built in");
+        let map = ClearanceField::new(&system.load_map().expect("it can be read").expect("a map"));
+        let start = WorldPose { x_m: 0.2, y_m: 0.2, theta_rad: 0.0 };
+        let of = |points: &[[f64; 2]]| {
+            let points: Vec<Waypoint> = points.iter().map(|&[x, y]| Waypoint::straight(x, y)).collect();
+            predict(&system, Some(&map), &points, Some(start), &GO_ON).expect("it can be driven").touched
+        };
+        // A disc of 50 mm lies at 0.52, 0.2.
+        assert_eq!(of(&[[0.2, 0.2], [0.35, 0.2], [0.7, 0.2], [0.8, 0.2]]), [2]);
+        assert_eq!(of(&[[0.2, 0.2], [0.4, 0.2], [0.4, 0.1]]), [0_usize; 0]);
     }
 
     #[test]
     fn what_the_robot_would_refuse_is_refused_and_what_is_cancelled_ends() {
         let system = System::default();
-        let refused = |points: &[Waypoint]| predict(&system, points, None, &GO_ON).expect_err("refused");
+        let refused =
+            |points: &[Waypoint]| predict(&system, None, points, None, &GO_ON).expect_err("refused");
         let sideways = Waypoint { crab_rad: 0.5, ..Waypoint::straight(1.0, 0.0) };
         assert!(
             refused(&[Waypoint::straight(0.0, 0.0), sideways]).contains("sideways"),
@@ -141,7 +169,7 @@ mod tests {
         );
         assert!(!refused(&[]).is_empty());
         let far = [Waypoint::straight(0.0, 0.0), Waypoint::straight(5000.0, 0.0)];
-        let told = predict(&system, &far, None, &AtomicBool::new(true)).expect("it ends");
+        let told = predict(&system, None, &far, None, &AtomicBool::new(true)).expect("it ends");
         assert!(!told.reached && told.duration_s < 2.0, "{told:?}");
         assert!(with_law(system.clone(), Some("./mine.py")).is_err());
         assert_eq!(with_law(system, Some("qp")).expect("a law").controller.law.name, "qp");

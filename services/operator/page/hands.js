@@ -1,5 +1,6 @@
 // Mouse, touch and keys on the map.
 
+import { tenths } from "./dom.js";
 import { simplify } from "./path.js";
 
 const GRAB_PX = { mouse: 9, touch: 18 };
@@ -70,7 +71,6 @@ export class Hands {
       const index = this.nearest(px, py, event.pointerType);
       // With Shift there is always room for one more.
       if (index >= 0 && !event.shiftKey) {
-        this.path.unsent = true;
         this.path.select(index);
         this.held.kind = "waypoint";
         this.held.index = index;
@@ -129,7 +129,7 @@ export class Hands {
       this.picture.touch();
     } else if (held.kind === "stroke") this.endStroke();
     else if (held.kind === "click" && !held.moved) {
-      const [x, y] = this.view.toWorld(px, py).map((v) => Math.round(v * 1e4) / 1e4);
+      const [x, y] = this.view.toWorld(px, py).map(tenths);
       if (this.tool === "goal") this.said.goal(x, y);
       else if (!this.path.add(x, y)) this.said.full();
     }
@@ -141,7 +141,7 @@ export class Hands {
     this.picture.stroke = null;
     if (stroke.length > 1) {
       const few = simplify(stroke, Math.max(0.002, 3 / this.view.scale));
-      const points = few.map(([x, y]) => [Math.round(x * 1e4) / 1e4, Math.round(y * 1e4) / 1e4]);
+      const points = few.map((point) => point.map(tenths));
       this.path.replace([...this.path.points, ...points]);
       this.path.select(this.path.points.length - 1);
     }
@@ -157,17 +157,17 @@ export class Hands {
       const [dx, dy] = arrows[event.key];
       if (path.selected >= 0 && this.tool === "draw") {
         const [x, y] = path.points[path.selected];
-        path.move(path.selected, Math.round((x + dx * step) * 1e4) / 1e4, Math.round((y + dy * step) * 1e4) / 1e4);
+        path.move(path.selected, tenths(x + dx * step), tenths(y + dy * step));
       } else {
         view.pan(-40 * dx, 40 * dy);
         this.said.moved();
       }
-    } else if (event.key === "Enter" && this.tool === "goal") this.said.goal(view.x, view.y);
-    else if (event.key === "Enter") path.add(Math.round(view.x * 1e4) / 1e4, Math.round(view.y * 1e4) / 1e4);
+    } else if (event.key === "Enter" && this.tool === "goal") this.said.goal(tenths(view.x), tenths(view.y));
+    else if (event.key === "Enter") path.add(tenths(view.x), tenths(view.y));
     else if ((event.key === "n" || event.key === "b") && path.points.length) {
       const count = path.points.length;
-      path.unsent = true;
-      path.select((path.selected + (event.key === "n" ? 1 : count - 1) + (path.selected < 0 && event.key === "b" ? 1 : 0)) % count);
+      const from = path.selected < 0 ? (event.key === "n" ? -1 : count) : path.selected;
+      path.select((from + (event.key === "n" ? 1 : -1) + count) % count);
     } else return;
     event.preventDefault();
   }

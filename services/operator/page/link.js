@@ -1,57 +1,75 @@
 // The connection to the robot: one WebSocket, opened again when it is lost.
 
 const RETRY_MS = [250, 500, 1000, 2000, 4000];
+/** Time between two looks whether something is heard. */
+const LOOK_MS = 250;
+/** Launch is heard four times a second: after that long something is wrong. */
+const STALE_MS = 1500;
+/** After that long another connection is tried: a peer that is gone without a word (cable, power) closes nothing. */
 const SILENCE_MS = 3000;
+/** Time after which STOP goes another way as well, and after which nobody has answered. */
+const STOP_AGAIN_MS = 300;
+const STOP_ANSWER_MS = 2000;
 
-/** Calls `hear(message)` for every message and `changed(state)` with "open" or "lost". */
+const after = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+/** Calls `hear(message)` for every message and `changed(state)` with "open", "stale" or "lost". */
 export class Link {
   constructor(hear, changed) {
     this.hear = hear;
     this.changed = changed;
+    this.state = "connecting";
     this.tries = 0;
     this.next = 1;
     this.waiting = new Map();
     this.open();
-    setInterval(() => this.watch(), 1000);
+    setInterval(() => this.watch(), LOOK_MS);
   }
 
   open() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(`${scheme}//${location.host}/ws${location.search}`);
     this.socket = socket;
-    this.heard = performance.now();
-    socket.onopen = () => {
+    // What comes over a connection that was given up is of yesterday.
+    const now = (act) => (event) => this.socket === socket && act(event);
+    // It is no connection before the robot is heard.
+    socket.onopen = now(() => (this.heard = performance.now()));
+    socket.onmessage = now((event) => {
+      this.heard = performance.now();
       this.tries = 0;
-      this.heard = performance.now();
-      this.changed("open");
-    };
-    socket.onmessage = (event) => {
-      this.heard = performance.now();
-      let message;
-      try {
-        message = JSON.parse(event.data);
-      } catch {
-        return;
-      }
+      this.become("open");
+      const message = JSON.parse(event.data);
       if (message.type === "answer") this.settle(message);
       else this.hear(message);
-    };
-    socket.onclose = () => {
-      if (this.socket !== socket) return;
-      this.changed("lost");
-      for (const answer of this.waiting.values()) answer({ ok: false, message: "the connection was lost before the answer came" });
-      this.waiting.clear();
-      setTimeout(() => this.open(), RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)]);
-    };
+    });
+    socket.onclose = now(() => this.lose());
   }
 
-  // A peer that is gone without a word (cable, power) closes nothing.
+  become(state) {
+    if (this.state === state) return;
+    this.state = state;
+    this.changed(state);
+  }
+
+  lose() {
+    this.socket = null;
+    this.become("lost");
+    for (const answer of this.waiting.values()) answer({ ok: false, message: "the connection was lost before the answer came; whether it was done is not known" });
+    this.waiting.clear();
+    setTimeout(() => this.open(), RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)]);
+  }
+
   watch() {
-    if (this.socket.readyState === WebSocket.OPEN && performance.now() - this.heard > SILENCE_MS) this.socket.close();
+    if (!this.isOpen) return;
+    const silence = performance.now() - this.heard;
+    if (silence > SILENCE_MS) {
+      this.socket.close();
+      this.lose();
+    } else if (silence > STALE_MS && this.state === "open") this.become("stale");
   }
 
   get isOpen() {
-    return this.socket.readyState === WebSocket.OPEN;
+    return this.socket?.readyState === WebSocket.OPEN;
   }
 
   settle(message) {
@@ -61,7 +79,7 @@ export class Link {
 
   /** Asks for something; the answer is {ok, message, …}. */
   ask(what, more = {}) {
-    if (!this.isOpen) return Promise.resolve({ ok: false, message: "not connected" });
+    if (!this.isOpen) return Promise.resolve({ ok: false, message: `${what} was not sent: no connection to the robot` });
     const id = this.next++;
     return new Promise((resolve) => {
       this.waiting.set(id, resolve);
@@ -69,12 +87,25 @@ export class Link {
     });
   }
 
-  /** STOP goes by both ways: the socket, and a request of its own where the socket hangs. */
-  stop(what) {
-    const asked = this.ask(what);
-    if (this.isOpen && performance.now() - this.heard < 500) return asked;
-    return fetch(`/api/${what}${location.search}`, { method: "POST", headers: { "content-type": "application/json" }, body: "{}" })
-      .then((answer) => answer.json())
-      .catch(() => ({ ok: false, message: "NOT SENT: no connection to the robot" }));
+  /** The same as a request of its own, where the socket hangs. */
+  async post(what) {
+    try {
+      const signal = AbortSignal.timeout(STOP_ANSWER_MS);
+      const answer = await fetch(`/api/${what}${location.search}`, { method: "POST", headers: { "content-type": "application/json" }, body: "{}", signal });
+      return await answer.json();
+    } catch {
+      return { ok: false, message: "no connection to the robot" };
+    }
+  }
+
+  /** STOP or e-stop: by the socket, and by a request as well if that is not answered at once. */
+  async stop(what) {
+    const bySocket = this.ask(what);
+    const first = await Promise.race([bySocket, after(STOP_AGAIN_MS)]);
+    if (first?.ok) return first;
+    const done = (answer) => (answer.ok ? answer : Promise.reject(answer));
+    const any = Promise.any([bySocket.then(done), this.post(what).then(done)]).catch(({ errors }) => errors.at(-1));
+    const answer = (await Promise.race([any, after(STOP_ANSWER_MS)])) ?? { ok: false, message: "no answer" };
+    return answer.ok ? answer : { ...answer, message: `${what.toUpperCase()} HAS NOT REACHED THE ROBOT: ${answer.message}` };
   }
 }

@@ -3,6 +3,8 @@
 import { along } from "./path.js";
 
 const TRAIL_MAX = 40000;
+/** Waypoints of a longer path have no numbers. */
+const NUMBERED_MAX = 60;
 
 export class MapPicture {
   constructor(canvas, view, path) {
@@ -21,6 +23,21 @@ export class MapPicture {
     this.prediction = null;
     this.dirty = false;
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.touch());
+    for (const event of ["focus", "blur"]) canvas.addEventListener(event, () => this.touch());
+  }
+
+  /** Forgets what is of another robot or another run. */
+  begin(map) {
+    this.trails = { estimate: [], truth: [] };
+    this.active = this.roadmap = null;
+    this.show.roadmap = false;
+    this.map = map && { ...map };
+    if (map?.image) {
+      this.map.image = new Image();
+      this.map.image.onload = () => this.touch();
+      this.map.image.src = map.image;
+    }
+    this.touch();
   }
 
   touch() {
@@ -49,7 +66,7 @@ export class MapPicture {
     const points = [...this.path.points, ...(this.active?.waypoints ?? [])];
     const at = this.robot.pose ?? this.robot.start;
     if (at) points.push([at.x, at.y]);
-    if (this.map) points.push([this.map.x0, this.map.y0], [this.map.x1, this.map.y1]);
+    points.push(...(this.map?.corners ?? []));
     if (!points.length) return [-0.5, -0.5, 0.5, 0.5];
     const xs = points.map((p) => p[0]);
     const ys = points.map((p) => p[1]);
@@ -65,7 +82,7 @@ export class MapPicture {
     this.drawGrid();
     this.drawMap();
     if (this.show.roadmap && this.roadmap) this.drawRoadmap();
-    this.drawTrail(this.trails.truth, this.colour("orange"), 3);
+    this.drawTrail(this.trails.truth, this.colour("orange"), 4);
     this.drawTrail(this.trails.estimate, this.colour("blue"), 1.5);
     if (this.active) this.drawActive();
     this.drawDrawn();
@@ -76,6 +93,21 @@ export class MapPicture {
     // Not armed yet: where the system file says that it stands.
     else if (this.robot.start) this.drawRobot(this.robot.start, this.colour("dim"), false);
     this.drawScale();
+    if (this.canvas.matches(":focus-visible")) this.drawCross();
+  }
+
+  /** Where Enter would put a waypoint. */
+  drawCross() {
+    const { context: c, view } = this;
+    const [px, py] = [view.width / 2, view.height / 2];
+    c.strokeStyle = this.colour("ink");
+    c.lineWidth = 1.5;
+    c.beginPath();
+    c.moveTo(px - 9, py);
+    c.lineTo(px + 9, py);
+    c.moveTo(px, py - 9);
+    c.lineTo(px, py + 9);
+    c.stroke();
   }
 
   line(points, colour, width, dash = []) {
@@ -147,7 +179,7 @@ export class MapPicture {
     const length = step * view.scale;
     const text = step >= 1 ? `${step} m` : `${Math.round(step * 1000)} mm`;
     const [x, y] = [12, 22];
-    c.strokeStyle = c.fillStyle = this.colour("ink");
+    c.strokeStyle = this.colour("ink");
     c.lineWidth = 2;
     c.beginPath();
     c.moveTo(x, y - 5);
@@ -155,16 +187,12 @@ export class MapPicture {
     c.lineTo(x + length, y);
     c.lineTo(x + length, y - 5);
     c.stroke();
-    c.font = "12px system-ui, sans-serif";
-    c.textAlign = "left";
-    c.fillText(text, x + 4, y - 5);
+    this.write(text, x + 4, y - 5, "ink", "12px");
   }
 
   drawMap() {
     if (!this.map) return;
     const { context: c, view, map } = this;
-    const [px0, py1] = view.toScreen(map.x0, map.y0);
-    const [px1, py0] = view.toScreen(map.x1, map.y1);
     if (map.image) {
       c.imageSmoothingEnabled = false;
       c.save();
@@ -176,22 +204,26 @@ export class MapPicture {
     }
     c.strokeStyle = this.colour("dim");
     c.lineWidth = 1.5;
-    c.strokeRect(px0, py0, px1 - px0, py1 - py0);
+    this.polygon(map.corners);
+    c.stroke();
     c.fillStyle = this.colour("obstacle");
     c.strokeStyle = this.colour("obstacle-edge");
     for (const shape of map.obstacles ?? []) {
-      c.beginPath();
       if (shape.disc) {
         const [x, y, r] = shape.disc;
-        const [px, py] = view.toScreen(x, y);
-        c.arc(px, py, r * view.scale, 0, 2 * Math.PI);
-      } else {
-        shape.polygon.forEach(([x, y], i) => c[i ? "lineTo" : "moveTo"](...view.toScreen(x, y)));
-        c.closePath();
-      }
+        c.beginPath();
+        c.arc(...view.toScreen(x, y), r * view.scale, 0, 2 * Math.PI);
+      } else this.polygon(shape.polygon);
       c.fill();
       c.stroke();
     }
+  }
+
+  polygon(corners) {
+    const c = this.context;
+    c.beginPath();
+    corners.forEach(([x, y], i) => c[i ? "lineTo" : "moveTo"](...this.view.toScreen(x, y)));
+    c.closePath();
   }
 
   drawRoadmap() {
@@ -247,44 +279,63 @@ export class MapPicture {
     });
   }
 
+  /** The drawn path where it is not the one in force; of that one, what is selected. */
   drawDrawn() {
-    const { context: c, view, path } = this;
-    if (!path.unsent || !path.points.length) return;
+    const { path } = this;
+    const { points } = path;
     const colour = this.colour("purple");
-    this.line(this.outline(path.points), colour, 2, [7, 5]);
-    this.circles(path.points, 0, colour);
-    const bad = this.prediction?.bad ?? new Map();
-    path.points.forEach(([x, y], i) => {
-      const [px, py] = view.toScreen(x, y);
-      const trouble = bad.has(i);
-      if (trouble) {
-        c.strokeStyle = this.colour("red");
-        c.lineWidth = 3;
-        c.beginPath();
-        c.moveTo(px, py - 13);
-        c.lineTo(px + 12, py + 8);
-        c.lineTo(px - 12, py + 8);
-        c.closePath();
-        c.stroke();
-        c.fillStyle = this.colour("red");
-        c.font = "bold 12px system-ui, sans-serif";
-        c.textAlign = "left";
-        c.fillText(`${(bad.get(i) * 1e3).toFixed(0)} mm`, px + 15, py + 4);
-      }
-      c.beginPath();
-      c.rect(px - 4.5, py - 4.5, 9, 9);
-      c.fillStyle = i === path.selected ? this.colour("yellow") : colour;
-      c.fill();
-      c.strokeStyle = this.colour("floor");
-      c.lineWidth = 1;
-      c.stroke();
-      if (path.points.length <= 60 && view.scale > 60 && !trouble) {
-        c.fillStyle = this.colour("dim");
-        c.font = "11px system-ui, sans-serif";
-        c.textAlign = "left";
-        c.fillText(String(i), px + 8, py - 6);
-      }
+    const { bad, touched } = (path.unsent && this.prediction) || { bad: new Map(), touched: new Set() };
+    if (path.unsent) {
+      this.line(this.outline(points), colour, 2, [7, 5]);
+      this.circles(points, 0, colour);
+      touched.forEach((i) => i < points.length && this.line([points[Math.max(0, i - 1)], ...along(points[Math.max(0, i - 1)], points[i])], this.colour("red"), 5, [2, 6]));
+    }
+    points.forEach((point, i) => {
+      const selected = i === path.selected;
+      if (!path.unsent && !selected) return;
+      const [px, py] = this.view.toScreen(point[0], point[1]);
+      if (bad.has(i)) this.drawBad(px, py, bad.get(i));
+      this.drawWaypoint(px, py, selected, colour);
+      if (points.length <= NUMBERED_MAX && this.view.scale > 60 && !bad.has(i)) this.write(String(i), px + 8, py - 6, "dim", "11px");
     });
+  }
+
+  drawWaypoint(px, py, selected, colour) {
+    const c = this.context;
+    const half = selected ? 6.5 : 4.5;
+    c.beginPath();
+    c.rect(px - half, py - half, 2 * half, 2 * half);
+    c.fillStyle = selected ? this.colour("yellow") : colour;
+    c.fill();
+    c.strokeStyle = this.colour("floor");
+    c.lineWidth = 1;
+    c.stroke();
+  }
+
+  /** A corner that the robot cannot take within the tolerance, and how far it would be off. */
+  drawBad(px, py, off) {
+    const c = this.context;
+    c.strokeStyle = this.colour("red");
+    c.lineWidth = 3;
+    c.beginPath();
+    c.moveTo(px, py - 13);
+    c.lineTo(px + 12, py + 8);
+    c.lineTo(px - 12, py + 8);
+    c.closePath();
+    c.stroke();
+    this.write(`${(off * 1e3).toFixed(0)} mm`, px + 15, py + 4, "red", "bold 13px");
+  }
+
+  /** A word on the map, readable over lines. */
+  write(text, px, py, ink, font) {
+    const c = this.context;
+    c.font = `${font} system-ui, sans-serif`;
+    c.textAlign = "left";
+    c.strokeStyle = this.colour("floor");
+    c.lineWidth = 3;
+    c.strokeText(text, px, py);
+    c.fillStyle = this.colour(ink);
+    c.fillText(text, px, py);
   }
 
   drawGoal() {

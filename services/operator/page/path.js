@@ -56,8 +56,9 @@ export class DrawnPath {
     this.touch();
   }
 
+  /** Other waypoints; `unsent` false for those that the robot has already. */
   replace(points, unsent = true) {
-    this.keep();
+    if (unsent || this.points.length) this.keep();
     this.points = points.map(([x, y, bulge = 0, crab = 0]) => [x, y, bulge, crab]);
     this.selected = -1;
     this.touch();

@@ -1,23 +1,32 @@
 // Live plots of the last minute.
 
 const SECONDS = 60;
+/** Samples that are kept: 30 a second. */
 const HELD = 2000;
+/** Less than that is drawn flat: mm or mm/s. */
+const LEAST_SPAN = 1;
 
 function colour(name) {
   return getComputedStyle(document.body).getPropertyValue(`--${name}`).trim();
 }
 
 /** A piece of a line, for a legend. */
-export function lineSample(ink, dash) {
+export function lineSample(ink, dash, width = 2.5) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("width", "22");
   svg.setAttribute("height", "6");
   svg.setAttribute("aria-hidden", "true");
   const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
-  const set = { x1: 0, y1: 3, x2: 22, y2: 3, stroke: `var(--${ink})`, "stroke-width": 2.5, "stroke-dasharray": dash };
+  const set = { x1: 0, y1: 3, x2: 22, y2: 3, stroke: `var(--${ink})`, "stroke-width": width, "stroke-dasharray": dash };
   for (const [name, value] of Object.entries(set)) line.setAttribute(name, value);
   svg.append(line);
   return svg;
+}
+
+/** Says so where there is nothing to be seen. */
+function mark(host, full) {
+  if (full) delete host.dataset.empty;
+  else host.dataset.empty = "nothing yet: it has not been armed";
 }
 
 /** A plot of values over time, newest at the right. */
@@ -38,10 +47,10 @@ export class Strip {
 
   /** Line, name and newest value of each series, in the caption. */
   legend() {
-    this.newest = this.names.map(({ label, ink, dash }) => {
+    this.newest = this.names.map(({ label, ink, dash, width }) => {
       const item = document.createElement("span");
       item.className = "key";
-      item.append(lineSample(ink, dash?.join(" ") ?? ""), ` ${label} `);
+      item.append(lineSample(ink, dash?.join(" ") ?? "", width), ` ${label} `);
       const value = document.createElement("b");
       item.append(value);
       this.host.previousElementSibling.append(item);
@@ -58,13 +67,14 @@ export class Strip {
     this.plot = new uPlot(
       {
         ...this.size(),
+        padding: [6, 8, 0, 0],
         cursor: { drag: { x: false, y: false } },
         legend: { show: false },
         scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
         axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 44 }],
         series: [
           {},
-          ...this.names.map(({ label, ink, dash }) => ({ label, stroke: colour(ink), width: 1.6, dash, points: { show: false } })),
+          ...this.names.map(({ label, ink, dash, width = 1.8 }) => ({ label, stroke: colour(ink), width, dash, points: { show: false } })),
         ],
       },
       this.data,
@@ -75,7 +85,7 @@ export class Strip {
   range(low, high) {
     if (low == null || !Number.isFinite(low)) return [0, 1];
     if (this.zero) low = Math.min(0, low);
-    const margin = Math.max((high - low) * 0.08, 0.05);
+    const margin = Math.max((high - low) * 0.08, LEAST_SPAN / 2);
     return [this.zero && low === 0 ? 0 : low - margin, high + margin];
   }
 
@@ -98,6 +108,7 @@ export class Strip {
   }
 
   draw() {
+    mark(this.host, this.data[0].length > 0);
     this.newest.forEach((place, i) => {
       const value = this.data[i + 1].at(-1);
       place.textContent = value == null ? "–" : value.toFixed(1).replace(/^-0\.0$/, "0.0");
@@ -121,6 +132,7 @@ export class Bars {
   /** Buckets are [upper bound in µs, count]. */
   show(buckets, quantiles) {
     this.buckets = buckets;
+    mark(this.host, buckets.length > 0);
     const text = quantiles ? `half within ${quantiles.p50} µs, 99 % within ${quantiles.p99} µs, worst ${quantiles.max} µs` : "nothing measured yet";
     this.canvas.setAttribute("aria-label", `Lateness of the tick: ${text}`);
     this.quantiles = quantiles;
@@ -139,10 +151,7 @@ export class Bars {
     c.clearRect(0, 0, width, height);
     c.font = "11px system-ui, sans-serif";
     c.fillStyle = colour("dim");
-    if (!this.buckets.length) {
-      c.fillText("no tick yet", 8, 20);
-      return;
-    }
+    if (!this.buckets.length) return;
     const [left, bottom, top] = [34, 18, 16];
     const tallest = Math.max(1, ...this.buckets.map(([, n]) => n));
     const decades = Math.max(1, Math.ceil(Math.log10(tallest + 1)));

@@ -7,6 +7,7 @@ export class View {
     this.scale = 400; // pixels a metre
     this.x = 0;
     this.y = 0; // world point in the middle
+    this.box = null; // what was fitted, until somebody moves
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
   }
@@ -19,6 +20,7 @@ export class View {
     this.canvas.width = Math.max(1, Math.round(width * ratio));
     this.canvas.height = Math.max(1, Math.round(height * ratio));
     this.canvas.getContext("2d").setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (this.box) this.fit(this.box);
     this.changed();
   }
 
@@ -34,29 +36,28 @@ export class View {
     const [x, y] = this.toWorld(px, py);
     this.scale = Math.min(1e5, Math.max(0.5, this.scale * factor));
     const [nx, ny] = this.toWorld(px, py);
-    this.x += x - nx;
-    this.y += y - ny;
-    this.changed();
+    this.centre(this.x + x - nx, this.y + y - ny);
   }
 
   pan(dx, dy) {
-    this.x -= dx / this.scale;
-    this.y += dy / this.scale;
-    this.changed();
+    this.centre(this.x - dx / this.scale, this.y + dy / this.scale);
   }
 
   centre(x, y) {
     this.x = x;
     this.y = y;
+    this.box = null;
     this.changed();
   }
 
-  /** Shows a box [x0, y0, x1, y1] whole. */
-  fit([x0, y0, x1, y1]) {
+  /** Shows a box [x0, y0, x1, y1] whole, in another size of the window as well. */
+  fit(box) {
+    const [x0, y0, x1, y1] = box;
     const margin = 48;
     const span = (a, b) => Math.max(b - a, 0.2);
     this.scale = Math.min((this.width - margin) / span(x0, x1), (this.height - margin) / span(y0, y1));
     this.scale = Math.min(4000, Math.max(0.5, this.scale));
     this.centre((x0 + x1) / 2, (y0 + y1) / 2);
+    this.box = box;
   }
 }

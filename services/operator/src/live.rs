@@ -18,6 +18,10 @@ const TRAIL_MAX: usize = 20_000;
 /// Least distance of two points of a trail at first, m.
 const TRAIL_STEP_M: f64 = 0.0005;
 
+/// Time that plots show, and between two of their samples, s.
+const PLOT_S: f64 = 60.0;
+const PLOT_STEP_S: f64 = 0.1;
+
 /// A message with a number that goes up whenever it changes.
 #[derive(Default)]
 struct Said {
@@ -70,6 +74,34 @@ impl Trail {
     }
 }
 
+/// A sample of the plots: s; commanded and reference speed, m/s; distance of estimate and truth from the path, m.
+type Sample = (f64, [Option<f64>; 4]);
+
+/// What plots show: the last minute.
+#[derive(Default)]
+struct Plots(VecDeque<Sample>);
+
+impl Plots {
+    fn extend(&mut self, state: &State) {
+        let now_s = state.time_s;
+        let age_s = self.0.back().map(|(last_s, _)| now_s - last_s);
+        if age_s.is_some_and(|age_s| age_s < 0.0) {
+            // Another run: its time begins anew.
+            self.0.clear();
+        } else if state.pose.is_none() || age_s.is_some_and(|age_s| age_s < PLOT_STEP_S) {
+            return;
+        }
+        self.0.retain(|(then_s, _)| now_s - then_s <= PLOT_S);
+        let numbers =
+            [Some(state.speed_mps), state.reference_mps, state.cross_track_m, state.cross_track_truth_m];
+        self.0.push_back((now_s, numbers));
+    }
+
+    fn rows(&self) -> Vec<[Option<f64>; 5]> {
+        self.0.iter().map(|&(now_s, [a, b, c, d])| [Some(now_s), a, b, c, d]).collect()
+    }
+}
+
 #[derive(Default)]
 struct Known {
     hello: Said,
@@ -79,6 +111,7 @@ struct Known {
     states: u64,
     estimate: Trail,
     truth: Trail,
+    plots: Plots,
     log: VecDeque<Line>,
     /// Lines there have ever been.
     lines: u64,
@@ -133,6 +166,7 @@ impl Live {
         for (trail, place) in [(&mut known.estimate, state.pose), (&mut known.truth, state.truth)] {
             place.inspect(|place| trail.extend(*place));
         }
+        known.plots.extend(&state);
         known.state = state;
         known.states += 1;
     }
@@ -172,8 +206,10 @@ impl Live {
         messages.extend(known.path.unseen(&mut seen.path));
         if !seen.trail {
             seen.trail = true;
-            let trails = json!({ "estimate": known.estimate.points, "truth": known.truth.points });
-            messages.push(frame("trail", &trails).into());
+            let past = json!({
+                "estimate": known.estimate.points, "truth": known.truth.points, "plots": known.plots.rows(),
+            });
+            messages.push(frame("trail", &past).into());
         }
         if known.states > seen.states {
             seen.states = known.states;
@@ -232,6 +268,26 @@ mod tests {
         assert!(live.unseen(&mut seen).is_empty(), "nothing has changed");
         live.set_hello(&json!({ "robot": "mule" }));
         assert_eq!(types(&live.unseen(&mut seen)).len(), 6, "all of it again");
+    }
+
+    #[test]
+    fn plots_keep_the_last_minute_and_begin_anew_with_another_run() {
+        let mut plots = Plots::default();
+        let at = |tick: u64| State {
+            time_s: tick as f64 / 1e3,
+            pose: Place::of([0.0; 3]),
+            cross_track_m: (tick > 100_000).then_some(0.5),
+            ..State::default()
+        };
+        plots.extend(&State { time_s: 1.0, ..State::default() });
+        assert!(plots.rows().is_empty(), "nothing moves yet");
+        (0..200_000).step_by(10).for_each(|tick| plots.extend(&at(tick)));
+        let rows = plots.rows();
+        assert!((500..=601).contains(&rows.len()), "{} samples", rows.len());
+        assert!(rows[0][0] >= Some(139.0) && rows[rows.len() - 1][0] >= Some(199.8));
+        assert_eq!((rows[0][2], rows[0][3]), (None, Some(0.5)));
+        plots.extend(&at(50));
+        assert_eq!(plots.rows(), [[Some(0.05), Some(0.0), None, None, None]]);
     }
 
     #[test]

@@ -1,0 +1,186 @@
+// The drawn path beside the map: what the robot would make of it, its table, its files, and that it is not lost.
+
+import { $, hint, make, mm, put } from "./dom.js";
+import { parseCsv, toCsv } from "./path.js";
+
+/** Least time between two predictions while a waypoint is dragged. */
+const JUDGE_MS = 150;
+/** Rows of the table. */
+const TABLE_MAX = 300;
+/** Largest file that is read: the longest path with all its digits. */
+const FILE_MAX = 8 << 20;
+
+export class Drawing {
+  constructor(path, picture, link) {
+    Object.assign(this, { path, picture, link });
+    this.robot = null;
+    this.timer = 0;
+    this.asking = false;
+    this.again = false;
+    $("table-box").addEventListener("toggle", () => this.showTable());
+    $("tolerance").addEventListener("change", () => this.judgeSoon());
+    $("import").addEventListener("click", () => $("file").click());
+    $("file").addEventListener("change", () => this.read());
+    $("export").addEventListener("click", () => this.save());
+  }
+
+  /** The path or what is selected of it has changed. */
+  changed() {
+    const { path } = this;
+    $("undo").disabled = !path.past.length;
+    $("redo").disabled = !path.future.length;
+    $("remove").disabled = path.selected < 0;
+    $("clear").disabled = !path.points.length;
+    $("export").disabled = path.points.length < 2;
+    // Marks of a path with other waypoints would stand at the wrong ones.
+    if (this.picture.prediction?.of !== path.points.length || !path.unsent) this.forget();
+    this.picture.touch();
+    this.showTable();
+    this.store();
+    this.judgeSoon();
+  }
+
+  // ---- a page that is loaded anew
+
+  /** Whose path it is; one that was drawn before the page was loaded anew comes back. */
+  of(robot) {
+    if (this.robot === robot) return;
+    this.robot = robot;
+    try {
+      const kept = JSON.parse(sessionStorage.getItem(this.key()));
+      if (kept?.length && !this.path.points.length) this.path.replace(kept);
+    } catch {
+      // Nothing was kept, or nothing may be.
+    }
+  }
+
+  key() {
+    return `hilare path of ${this.robot}`;
+  }
+
+  store() {
+    if (this.robot === null) return;
+    try {
+      if (this.path.unsent) sessionStorage.setItem(this.key(), JSON.stringify(this.path.points));
+      else sessionStorage.removeItem(this.key());
+    } catch {
+      // Too long, or not allowed: then it is not kept.
+    }
+  }
+
+  // ---- prediction
+
+  /** Asks again in a moment, once for all that changes until then. */
+  judgeSoon() {
+    if (this.asking) this.again = true;
+    else this.timer ||= setTimeout(() => this.judge(), JUDGE_MS);
+  }
+
+  /** Asks what the robot would make of the drawn path. */
+  async judge() {
+    this.timer = 0;
+    const { path, link } = this;
+    if (!path.unsent || path.points.length < 2 || !link.isOpen) return this.forget();
+    [this.asking, this.again] = [true, false];
+    const answer = await link.ask("predict", { waypoints: path.points });
+    this.asking = false;
+    // What was drawn meanwhile is asked for next.
+    if (this.again) this.judgeSoon();
+    else this.show(answer);
+  }
+
+  forget() {
+    this.picture.prediction = null;
+    put("predicted", "");
+    this.picture.touch();
+  }
+
+  /** Marks where the robot would leave the tolerance or touch an obstacle. */
+  show(answer) {
+    this.forget();
+    if (!answer.ok) return hint(answer.message, 10);
+    const tolerance = Number($("tolerance").value) / 1e3;
+    // Of the segment that ends at waypoint i: its deviation comes from the corner that it begins with.
+    const after = answer.cross_track_max_m.slice(1);
+    const bad = new Map(after.map((d, i) => [i, d]).filter(([, d]) => d != null && tolerance > 0 && d > tolerance));
+    this.picture.prediction = { of: this.path.points.length, after, bad, touched: new Set(answer.touched) };
+    const said = [`predicted: ${answer.reached ? `${answer.duration_s.toFixed(1)} s` : `not reached within ${answer.duration_s.toFixed(0)} s`}`];
+    said.push(`cross-track ${mm(answer.mean_m)} mm in the mean, ${mm(answer.max_m)} mm at most`);
+    if (bad.size) said.push(`${bad.size === 1 ? "1 corner leaves" : `${bad.size} corners leave`} the tolerance`);
+    if (answer.touched.length) said.push("TOUCHES AN OBSTACLE");
+    put("predicted", said.join("; "));
+    $("predicted").toggleAttribute("data-bad", bad.size > 0 || answer.touched.length > 0 || !answer.reached);
+    this.showTable();
+    this.picture.touch();
+  }
+
+  // ---- table
+
+  showTable() {
+    const { path } = this;
+    const title = `${path.points.length} waypoints${path.unsent && path.points.length ? ", not sent yet" : ""}`;
+    put("table-title", title);
+    const body = $("table").tBodies[0];
+    // Whoever types in it is not disturbed.
+    if (!$("table-box").open || body.contains(document.activeElement)) return;
+    body.replaceChildren(...path.points.slice(0, TABLE_MAX).map((point, i) => this.row(point, i)));
+    if (path.points.length > TABLE_MAX) {
+      const more = make("tr");
+      more.append(make("td", `and ${path.points.length - TABLE_MAX} more: export the path to see them`, { colSpan: 4 }));
+      body.append(more);
+    }
+  }
+
+  row(point, i) {
+    const { prediction } = this.picture;
+    const row = make("tr");
+    if (prediction?.bad.has(i)) row.dataset.bad = "";
+    const cells = ["x", "y"].map((axis, j) => {
+      const cell = make("td");
+      cell.append(this.field(point, i, axis, j));
+      return cell;
+    });
+    const after = prediction?.after[i];
+    row.append(make("td", i), ...cells, make("td", after == null ? "" : mm(after), { className: "n" }));
+    return row;
+  }
+
+  field(point, i, axis, j) {
+    const shown = +(point[j] * 1e3).toFixed(1);
+    const input = make("input", "", { type: "number", step: "1", value: shown });
+    input.setAttribute("aria-label", `${axis} of waypoint ${i}, mm`);
+    input.addEventListener("focus", () => this.path.select(i));
+    input.addEventListener("change", () => {
+      const next = [...this.path.points[i]];
+      if (input.value === "" || !Number.isFinite(input.valueAsNumber)) {
+        input.value = shown;
+        return;
+      }
+      next[j] = input.valueAsNumber / 1e3;
+      this.path.move(i, next[0], next[1]);
+    });
+    return input;
+  }
+
+  // ---- files
+
+  async read() {
+    const [file] = $("file").files;
+    $("file").value = "";
+    if (!file) return;
+    try {
+      if (file.size > FILE_MAX) throw new Error(`${file.name}: larger than 8 MB; a path has at most 65 536 waypoints`);
+      this.path.replace(parseCsv(await file.text(), file.name));
+      this.picture.view.fit(this.picture.extent());
+      hint(`${this.path.points.length} waypoints from ${file.name}`);
+    } catch (error) {
+      hint(error.message, 0);
+    }
+  }
+
+  save() {
+    const url = URL.createObjectURL(new Blob([toCsv(this.path.points)], { type: "text/csv" }));
+    make("a", "", { href: url, download: "path.csv" }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 1000);
+  }
+}

@@ -1,0 +1,127 @@
+// The robot's state in words and numbers: the bar, the reason, the figures at the right.
+
+import { $, fixed, make, mm, put } from "./dom.js";
+
+/** Time without news of a robot whose ticks go on after which what is shown is old. */
+const OLD_MS = 1000;
+
+/** What the operator has to know: a kind, and a word or two. */
+export function stateOf(s) {
+  if (s.gone) return ["fault", "ROBOT IS DOWN"];
+  if (s.fault) return ["fault", "FAULT"];
+  if (s.mode === "e-stop") return ["estop", "EMERGENCY STOP"];
+  if (s.mode === "stop" || s.halted) return ["stopped", s.speed_mps || s.omega_radps ? "STOPPING" : "STOPPED"];
+  if (s.mode === "disarmed") return ["disarmed", "DISARMED"];
+  if (s.mode !== "armed") return ["unknown", s.mode.toUpperCase()];
+  if (s.path_state === "arrived") return ["arrived", "ARRIVED"];
+  if (s.path_state !== "tracking") return ["ready", "ARMED, NO PATH"];
+  // A command that came late is no stop yet.
+  return ["driving", "holding the last command"].includes(s.drive) ? ["driving", "DRIVING"] : ["stopped", s.drive.toUpperCase()];
+}
+
+export class StatePanel {
+  /** `hasPath()` tells whether there is anything to be driven. */
+  constructor(hasPath) {
+    this.hasPath = hasPath;
+    this.last = null;
+    this.at = 0;
+    this.link = "lost"; // until something is heard
+  }
+
+  /** Takes over what the robot says of itself. */
+  note(state) {
+    this.last = state;
+    this.at = performance.now();
+    this.show();
+  }
+
+  /** Takes over how the connection is. */
+  connection(link) {
+    this.link = link;
+    this.show();
+  }
+
+  /** Why what is shown is old, or null. A robot that was never armed has no ticks yet. */
+  old() {
+    if (this.last?.gone) return null;
+    if (this.link === "lost") return ["NO CONNECTION", "No connection to the robot: what is shown is old, and STOP does not reach it from here. Trying again."];
+    const silent = this.link === "stale" || (this.last?.tick > 0 && performance.now() - this.at > OLD_MS);
+    return silent ? ["NO NEWS", "No news from the robot: what is shown is old."] : null;
+  }
+
+  show() {
+    const old = this.old();
+    const link = old && this.link === "open" ? "stale" : this.link;
+    document.body.dataset.link = link;
+    put("link", { open: "connected", stale: "silent", lost: "lost, trying again" }[link]);
+    const s = this.last;
+    const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
+    document.body.dataset.state = state;
+    put("state-text", old ? old[0] : text);
+    const why = old?.[1] ?? (s && reason(s, state));
+    $("fault").hidden = !why;
+    if (why) put("fault", why);
+    this.buttons(state);
+    if (!s) return;
+    put("waypoint", s.waypoints ? `${s.waypoint} of ${s.waypoints - 1}` : "no path");
+    put("time", `${s.time_s.toFixed(1)} s`);
+    showLaw(s.law);
+    figures(s);
+  }
+
+  /** What cannot be done now cannot be pressed; STOP and e-stop always can. */
+  buttons(state) {
+    const s = this.last;
+    const off = !s || s.gone || this.link === "lost";
+    const latched = s?.mode === "e-stop";
+    $("arm").disabled = off || latched || s.mode === "armed";
+    $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
+    $("pause").disabled = off || !["driving", "stopped"].includes(state);
+    $("reset").disabled = off || !latched;
+    $("run").disabled = off || latched || !this.hasPath();
+    $("law").disabled = off || $("law").dataset.busy === "yes";
+  }
+}
+
+function reason(s, state) {
+  if (s.fault ?? s.halted) return s.fault ?? s.halted;
+  if (s.gone) return "The robot has ended, or its launch does not answer; its log says why.";
+  return state === "estop" ? "Emergency stop: nothing moves until Reset, then Arm." : null;
+}
+
+function showLaw(law) {
+  const menu = $("law");
+  if (document.activeElement === menu || !law || menu.dataset.busy === "yes") return;
+  // A program of its own may drive, which cannot be chosen here.
+  if (![...menu.options].some((option) => option.value === law)) menu.add(Object.assign(new Option(law, law), { disabled: true }));
+  menu.value = law;
+}
+
+function figures(s) {
+  const list = [
+    ["Pose x, y", s.pose ? `${mm(s.pose.x, 0)}, ${mm(s.pose.y, 0)} mm` : "–"],
+    ["Heading", s.pose ? `${fixed((s.pose.theta * 180) / Math.PI, 1)}°` : "–"],
+    ["Speed", `${mm(s.speed_mps)} mm/s`],
+    ["Yaw rate", `${fixed(s.omega_radps, 2)} rad/s`],
+    ["Cross-track, estimate", s.cross_track_m == null ? "–" : `${mm(s.cross_track_m)} mm`],
+    ["Cross-track, truth", s.cross_track_truth_m == null ? "–" : `${mm(s.cross_track_truth_m)} mm`],
+    ["Commands late", `${s.commands_late}`],
+    ["Commands refused", `${s.commands_rejected}`],
+    ["Without command", `${s.cycles_without_command} cycles`],
+    ["Host pauses", `${s.paused_ticks} ms`],
+    ["In charge", s.law ?? "nobody"],
+    ["Stands by", s.standby ?? "nobody"],
+  ];
+  const host = $("numbers");
+  if (!host.childElementCount) {
+    host.append(...list.map(([name]) => {
+      const box = make("div");
+      box.append(make("dt", name), make("dd"));
+      return box;
+    }));
+  }
+  list.forEach(([, value], i) => {
+    const cell = host.children[i].lastElementChild;
+    if (cell.textContent !== value) cell.textContent = cell.title = value;
+  });
+}
