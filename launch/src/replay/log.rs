@@ -254,9 +254,44 @@ impl RunLog {
             })?;
         }
         let sets_law = keys.iter().any(|key| key.split('=').next().map(str::trim) == Some("controller.law"));
+        if sets_law {
+            self.replace_programs();
+        }
         for life in self.lives.all.iter_mut().filter(|life| sets_law && life.role == Role::Controller) {
             life.law = self.systems.get(&life.system).map(|system| system.controller.law);
         }
         Ok(self)
+    }
+
+    /// Programs that are not hilare's and have driven, by source and epoch.
+    pub fn programs(&self) -> Vec<(u64, u64)> {
+        let is_ours = |(source, epoch): &(u64, u64)| {
+            let mut ours = self.lives.all.iter().filter(|life| life.role == Role::Controller);
+            ours.any(|life| (life.slot + 1, life.epoch) == (*source, *epoch))
+                || self.lives.earlier.contains_key(&source.wrapping_sub(1))
+        };
+        self.commands.keys().filter(|writer| !is_ours(writer)).copied().collect()
+    }
+
+    /// Puts a controller of ours in the place of each program, from its first command on.
+    fn replace_programs(&mut self) {
+        let Some(system) = self.lives.of_role(Role::StepGenerator).first().map(|life| life.system) else {
+            return;
+        };
+        for (source, epoch) in self.programs() {
+            let first = self.commands[&(source, epoch)].first();
+            self.lives.all.push(Life {
+                slot: source.wrapping_sub(1),
+                role: Role::Controller,
+                incarnation: 1,
+                epoch,
+                system,
+                law: None,
+                tick: first.map_or(0, |command| command.pose_tick),
+                state: None,
+                entries: Vec::new(),
+                broken: false,
+            });
+        }
     }
 }

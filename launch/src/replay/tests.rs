@@ -313,3 +313,34 @@ fn a_successor_of_the_step_generator_goes_on_from_its_state() {
     let reports = replay(&log(gap), &[Role::StepGenerator], false);
     assert!(reports[0].differing() == 0 && reports[0].wires[0].not_compared > 100, "{reports:#?}");
 }
+
+/// A run whose controller is a program that is not ours: nobody has noted its beginning.
+fn driven_by_a_program() -> (RunLog, RunLog) {
+    let (system, mut messages) = recorded("rectangle-open", &[], 200_000);
+    let ours = log_of(&system, messages.clone());
+    messages.journal = journal(Some(&system), &messages);
+    messages.journal.retain(|entry| entry.role != Role::Controller.code());
+    (ours, log_of(&system, messages))
+}
+
+#[test]
+fn another_law_drives_in_place_of_a_program_that_is_not_ours() {
+    let (ours, program) = driven_by_a_program();
+    let qp = hilare_controller::law("qp");
+    let wanted = what_if::compare(ours, &[], qp).expect("a law").what_if;
+    let found = what_if::compare(program, &[], qp).expect("a law").what_if;
+    assert!(found.parted.is_some(), "another law is another drive");
+    assert_eq!(found.changed, wanted.changed);
+    assert_eq!(found.notes, [] as [&str; 0]);
+}
+
+#[test]
+fn a_program_s_commands_are_as_given_whatever_is_set_and_judged_by_what_they_followed() {
+    let (_, program) = driven_by_a_program();
+    let slow = ["tracking.speed_mps=0.01".to_owned()];
+    let found = what_if::compare(program, &slow, None).expect("a key").what_if;
+    assert_eq!(found.changed, found.recorded);
+    assert_eq!(found.parted, None);
+    let [note] = &found.notes[..] else { panic!("{:?}", found.notes) };
+    assert!(note.contains("taken as given") && note.contains("--controller LAW"), "{note}");
+}
