@@ -17,6 +17,7 @@
 
 pub mod audit;
 pub mod cdr;
+mod damage;
 pub mod info;
 pub mod part;
 pub mod reader;
