@@ -217,7 +217,7 @@ fn what_is_no_recording_is_said_in_a_line() {
     fs::create_dir(dir.path().join("nothing")).expect("a directory");
     let cases = [
         (dir.path().join("nothing"), "no recording in it (run.mcap); hilare run and hilare record make one"),
-        (dir.path().join("missing.mcap"), "No such file"),
+        (dir.path().join("missing.mcap"), "there is no such recording; hilare run"),
         (file("empty.mcap", b""), "is empty: nothing was recorded"),
         (file("text.mcap", b"x,y\n0,0\n1,0\n"), "is no MCAP file"),
         (file("short.mcap", &mcap::MAGIC[..5]), "is no MCAP file"),

@@ -294,3 +294,73 @@ fn a_cart_with_encoders_and_camera_and_one_on_mecanum_wheels_are_replayed_in_rea
         driven_again(&lab, &dir);
     }
 }
+
+/// A verb's one line on standard error.
+#[track_caller]
+fn refusal(lab: &Lab, args: &[&str]) -> String {
+    let ended = lab.hilare(args).expect_code(2);
+    let lines: Vec<&str> = ended.stderr.lines().collect();
+    assert!(lines.len() == 1 && ended.stdout.is_empty(), "{ended:#?}");
+    ended.stderr.trim().to_owned()
+}
+
+#[test]
+fn what_cannot_be_replayed_is_said_with_the_cure() {
+    let lab = Lab::new();
+    let dir = lab.dir().join("whole");
+    let named = dir.to_string_lossy().into_owned();
+    lab.hilare(&["run", "rectangle", "--clock", "in-process", "--out", &named]).expect_code(0);
+
+    let nowhere = lab.dir().join("nosuch");
+    let said = refusal(&lab, &["replay", &nowhere.to_string_lossy()]);
+    assert!(said.contains("no such recording") && said.contains("runs/"), "{said}");
+    let said = refusal(&lab, &["replay", &named, "--box", "plant", "--controller", "qp"]);
+    assert!(said.contains("--controller qp") && said.contains("--box controller"), "{said}");
+
+    let args = ["replay", &named, "--box", "planner", "--set", "controller.kanayama.k1_per_s=2"];
+    let ended = lab.hilare(&args).expect_code(1);
+    assert!(ended.stdout.contains("planner: what it took is not in the recording"), "{ended:#?}");
+
+    // One byte in the middle, and a length that cannot be.
+    let whole = std::fs::read(dir.join("run.mcap")).expect("a recording");
+    let file = lab.dir().join("damaged.mcap");
+    let flip = |at: usize| {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x55;
+        std::fs::write(&file, bytes).expect("a file");
+        refusal(&lab, &["replay", &file.to_string_lossy()])
+    };
+    let chunks = chunks(&whole);
+    let (begin, length) = chunks[chunks.len() / 2];
+    for at in [begin + 9 + length / 2, begin + 6] {
+        let said = flip(at);
+        assert!(said.contains(&format!("damaged at byte {begin}:")), "{said}");
+        assert!(said.contains("mcap recover"), "{said}");
+    }
+}
+
+/// Offset and length of the chunks of a file.
+fn chunks(bytes: &[u8]) -> Vec<(usize, usize)> {
+    const CHUNK: u8 = 0x06;
+    let (mut at, mut found) = (8, Vec::new());
+    while at + 9 <= bytes.len() - 8 {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight")) as usize;
+        found.extend((bytes[at] == CHUNK).then_some((at, length)));
+        at += 9 + length;
+    }
+    found
+}
+
+#[test]
+fn a_later_part_alone_says_that_it_is_one() {
+    let lab = Lab::new();
+    let dir = lab.dir().join("parts");
+    let (robot, named) = (lab.robot(), dir.to_string_lossy().into_owned());
+    let args = ["run", "rectangle", "--clock", "lockstep", "--robot", &robot, "--out", &named];
+    lab.hilare(&[&args[..], &["--set", "recording.rotate_s=10"]].concat()).expect_code(0);
+    let part = dir.join("run-0001.mcap");
+    let ended = lab.hilare(&["replay", &part.to_string_lossy()]);
+    assert!(ended.stdout.contains("is part 2 of a recording"), "{ended:#?}");
+    assert!(!ended.stdout.contains("not hilare's"), "{ended:#?}");
+    replayed(&lab, &dir);
+}

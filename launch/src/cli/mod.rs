@@ -134,7 +134,7 @@ enum Verb {
     #[command(
         after_help = "Examples:\n  hilare replay runs/rectangle-kanayama-real-1\n  hilare replay runs/so-qp-real-2 --box controller --box plant\n  \
         hilare replay runs/so-kanayama-real-1 --set tracking.speed_mps=0.03 --controller qp --out runs/what-if\n\
-        Exit codes: 0 the same to the last bit (or driven again), 1 something differs or nothing could be compared, 2 wrong use or no recording."
+        Exit codes: 0 what was compared is the same to the last bit (or driven again), 1 something differs or nothing could be compared, 2 wrong use or no recording."
     )]
     Replay(replay::ReplayArgs),
     /// Reproduce the three papers: figures and tables, printed values beside ours

@@ -74,6 +74,12 @@ pub fn record(args: &RecordArgs) -> VerbResult {
     tape.keep_systems_of(dir);
     let until = args.seconds.map_or("Ctrl-C ends it".to_owned(), |seconds| format!("for {seconds} s"));
     let _ = writeln!(io::stderr(), "hilare: recording {:?} into {}; {until}", robot.robot, path.display());
+    // What each box remembered when this began is nowhere in it.
+    let _ = writeln!(
+        io::stderr(),
+        "hilare: a replay of it compares boxes that began later only, and cannot drive again with changes; a recording \
+         from the beginning: hilare run"
+    );
 
     let (began, mut asked, mut went_down) = (Instant::now(), Instant::now(), false);
     let enough = || args.seconds.is_some_and(|seconds| began.elapsed().as_secs_f64() >= seconds);

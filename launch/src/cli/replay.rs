@@ -41,12 +41,18 @@ pub fn replay(args: &ReplayArgs) -> VerbResult {
     let boxes = chosen_boxes(&args.boxes)?;
     let law = args.controller.as_deref().map(chosen_law).transpose()?;
     let changes = !args.set.is_empty() || law.is_some();
+    if let (Some(law), false) = (law, boxes.contains(&Role::Controller)) {
+        return Err(refused(format!(
+            "--controller {}: no box that was chosen has a control law; add --box controller, or drop --box",
+            law.name
+        )));
+    }
     if args.out.is_some() && (!changes || !args.boxes.is_empty()) {
         return Err(refused(
             "--out: pictures are drawn of a drive with changes; add --set or --controller, drop --box",
         ));
     }
-    let (log, notes) = read(&args.run).map_err(refused)?;
+    let (log, mut notes) = read(&args.run).map_err(refused)?;
     if !changes {
         let report = ReplayReport::new(&log, notes, replay_boxes(&log, &boxes, false));
         tell(args, &report, ReplayReport::to_text)?;
@@ -62,6 +68,7 @@ pub fn replay(args: &ReplayArgs) -> VerbResult {
         return Ok(ExitCode::SUCCESS);
     }
     check_keys(&args.set).map_err(refused)?;
+    notes.append(&mut log.overruled(&args.set));
     let changed = log.changed(&args.set, law).map_err(refused)?;
     let report = ReplayReport::new(&changed, notes, replay_boxes(&changed, &boxes, true));
     tell(args, &report, open_loop_text)?;

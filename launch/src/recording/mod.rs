@@ -20,6 +20,7 @@
 
 pub mod audit;
 pub mod cdr;
+mod damage;
 pub mod dating;
 pub mod info;
 pub mod part;

@@ -3,6 +3,7 @@
 //! Streamed: a chunk at a time is in memory, however long the file. A file without its end (`kill -9`, a disk that was
 //! taken away) is read up to its last whole chunk. Every chunk is checked before a message of it is given out.
 
+use super::damage::{self, attachment};
 use super::info::{RunInfo, first_of, parts_there};
 use super::wires::{Entry, RECORDED, place_of};
 use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
@@ -171,11 +172,21 @@ struct Records {
     /// It ends as a file should.
     finished: bool,
     started: bool,
+    /// Chunks come as they are in the file.
+    whole_chunks: bool,
+    /// Then: where the next record begins.
+    offset: u64,
 }
 
 impl Records {
     fn open(path: &Path, whole_chunks: bool) -> Result<Self, RecordingError> {
-        let failed = |error: io::Error| RecordingError::new(path, error);
+        let failed = |error: io::Error| match error.kind() {
+            io::ErrorKind::NotFound => RecordingError::new(
+                path,
+                "there is no such recording; hilare run puts its own into runs/, hilare record makes one",
+            ),
+            _ => RecordingError::new(path, error),
+        };
         let mut file = File::open(path).map_err(failed)?;
         let kind = file.metadata().map_err(failed)?;
         if !kind.is_file() {
@@ -194,7 +205,28 @@ impl Records {
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(MAX_RECORD);
         let reader = LinearReader::new_with_options(options);
-        Ok(Self { path: path.into(), file, reader, finished, started: false })
+        Ok(Self {
+            path: path.into(),
+            file,
+            reader,
+            finished,
+            started: false,
+            whole_chunks,
+            offset: mcap::MAGIC.len() as u64,
+        })
+    }
+
+    /// Where a file is damaged: the first record that cannot be read, or chunk that cannot be unpacked.
+    fn first_damage(path: &Path) -> Option<u64> {
+        let mut records = Self::open(path, true).ok()?;
+        loop {
+            let offset = records.offset;
+            match records.next(|opcode, data| Ok(opcode != op::CHUNK || damage::is_sound(data))) {
+                Ok(Some(true)) => {}
+                Ok(Some(false)) | Err(_) => return Some(offset),
+                Ok(None) => return None,
+            }
+        }
     }
 
     /// Gives the next record to `read`; `None` at the end, also at that of a file without one.
@@ -214,6 +246,7 @@ impl Records {
                 }
                 Ok(LinearReadEvent::Record { opcode, data }) => {
                     self.started = true;
+                    self.offset += damage::RECORD_PREFIX + data.len() as u64;
                     // What a file system leaves where nothing was written.
                     if opcode == 0 && !self.finished {
                         return Ok(None);
@@ -232,16 +265,17 @@ impl Records {
         let what = match error {
             McapError::BadMagic => "is no MCAP file".to_owned(),
             McapError::UnexpectedEof if !self.started => "is no MCAP file".to_owned(),
-            McapError::BadChunkCrc { .. } => "is damaged: a chunk is not what its checksum says".to_owned(),
-            McapError::BadAttachmentCrc { .. } => {
-                "is damaged: an attachment is not what its checksum says".to_owned()
-            }
             McapError::UnsupportedCompression(name) => {
                 format!(
                     "is compressed with {name:?}, which hilare does not read; mcap compress --compression lz4"
                 )
             }
-            other => format!("is damaged: {other}"),
+            // Whoever looks for the place asks for whole chunks.
+            _ if self.whole_chunks => damage::in_words(&self.path, self.offset, error),
+            _ => match Self::first_damage(&self.path) {
+                Some(offset) => damage::in_words(&self.path, offset, error),
+                None => format!("is damaged: {error}"),
+            },
         };
         RecordingError::new(&self.path, what)
     }
@@ -263,7 +297,7 @@ impl Survey {
     fn of(path: &Path) -> Result<Self, RecordingError> {
         let mut records = Records::open(path, true)?;
         let mut survey = Self { info: RunInfo::default(), system: None, finished: records.finished };
-        let mut known = false;
+        let (mut known, mut told) = (false, false);
         let path = path.to_owned();
         // Ours say it before the first chunk; what another tool has made of them may say it later.
         while let Some(enough) = records.next(|opcode, data| {
@@ -286,6 +320,7 @@ impl Survey {
                 }
                 op::CHANNEL => {
                     if let Record::Channel(channel) = parse(&path, opcode, data)? {
+                        told = true;
                         known |= place_of(&channel.topic).is_some();
                     }
                 }
@@ -297,7 +332,8 @@ impl Survey {
                 break;
             }
         }
-        if !known && !Self::has_our_channels(&path)? {
+        // A file that tells its channels at its end need not be unpacked to know that none is ours.
+        if !known && (told || !Self::has_our_channels(&path)?) {
             return Err(RecordingError::new(
                 &path,
                 "is no recording of hilare: it has no channels /hilare/...",
@@ -315,32 +351,6 @@ impl Survey {
         }
         Ok(false)
     }
-}
-
-/// Name and text of an attachment whose lengths and checksum are right.
-fn attachment(data: &[u8]) -> Option<(String, String)> {
-    const TIMES: usize = 16;
-    let text = |data: &[u8]| -> Option<(usize, String)> {
-        let (length, rest) = data.split_first_chunk()?;
-        let text = rest.get(..u32::from_le_bytes(*length) as usize)?;
-        Some((size_of::<u32>() + text.len(), String::from_utf8(text.to_vec()).ok()?))
-    };
-    let (body, crc) = data.split_last_chunk()?;
-    let crc = u32::from_le_bytes(*crc);
-    let (name_len, name) = text(body.get(TIMES..)?)?;
-    let (type_len, _) = text(body.get(TIMES + name_len..)?)?;
-    let (length, rest) = body.get(TIMES + name_len + type_len..)?.split_first_chunk()?;
-    if u64::from_le_bytes(*length) != rest.len() as u64 || (crc != 0 && crc != crc32(body)) {
-        return None;
-    }
-    Some((name, String::from_utf8(rest.to_vec()).ok()?))
-}
-
-/// CRC-32 as zip has it, bit by bit: for a few kilobytes.
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0_u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
-    })
 }
 
 /// Messages of a file.

@@ -49,6 +49,14 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
     if let Some(file) = recording.truncated() {
         notes.push(format!("{} has no end: what came after its last whole chunk is lost", file.display()));
     }
+    if info.part > 0 {
+        notes.push(format!(
+            "{} is part {} of a recording: how each box began, and with which law, is in the parts before; give \
+             the directory or the first file (run.mcap)",
+            path.display(),
+            info.part + 1
+        ));
+    }
     let mut collector = Collector::default();
     for timed in recording.entries() {
         let timed: Entry = timed.map_err(|error| error.to_string())?.entry;

@@ -1,14 +1,14 @@
 //! A run as it was recorded, sorted for a replay: messages by wire and tick, processes by their place.
 
 use super::lives::{Life, Lives};
-use crate::config::System;
+use crate::config::{System, key_of};
 use crate::shell::ClockKind;
 use hilare_controller::LawSpec;
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{
-    Answer, Authority, Command, GoalHeader, Journal, PathHeader, Pose, PoseFix, Reference, Steps, Truth,
-    Waypoint, Wheels,
+    Answer, Authority, Command, GoalHeader, Journal, JournalKind, PathHeader, Pose, PoseFix, Reference,
+    Steps, Truth, Waypoint, Wheels,
 };
 use hilare_interfaces::wires::Role;
 use std::collections::BTreeMap;
@@ -254,9 +254,73 @@ impl RunLog {
             })?;
         }
         let sets_law = keys.iter().any(|key| key.split('=').next().map(str::trim) == Some("controller.law"));
+        if sets_law {
+            self.replace_programs();
+        }
         for life in self.lives.all.iter_mut().filter(|life| sets_law && life.role == Role::Controller) {
             life.law = self.systems.get(&life.system).map(|system| system.controller.law);
         }
         Ok(self)
+    }
+
+    /// Changes of the recording (`hilare param set`) that do not hold any more where the same key is set for the
+    /// whole drive, in words.
+    pub fn overruled(&self, set: &[String]) -> Vec<String> {
+        let mut notes = Vec::new();
+        for key in set.iter().filter_map(|assignment| self.first_system()?.key(key_of(assignment)).ok()) {
+            let mut changes: Vec<(Tick, String)> = Vec::new();
+            for life in &self.lives.all {
+                let mut last = self.systems.get(&life.system).map(|system| key.value_text(system));
+                for entry in life.entries.iter().filter(|entry| entry.kind == JournalKind::Param.code()) {
+                    let Some(system) = self.systems.get(&entry.words[1]) else { continue };
+                    let value = key.value_text(system);
+                    if last.replace(value.clone()).is_some_and(|last| last != value) {
+                        changes.push((entry.words[2], value));
+                    }
+                }
+            }
+            changes.sort();
+            changes.dedup_by_key(|(_, value)| value.clone());
+            notes.extend(changes.iter().map(|(tick, value)| {
+                format!(
+                    "{} was changed to {value} at tick {tick} of the recording: what is set now holds instead, for \
+                     the whole drive",
+                    key.path()
+                )
+            }));
+        }
+        notes
+    }
+
+    /// Programs that are not hilare's and have driven, by source and epoch.
+    pub fn programs(&self) -> Vec<(u64, u64)> {
+        let is_ours = |(source, epoch): &(u64, u64)| {
+            let mut ours = self.lives.all.iter().filter(|life| life.role == Role::Controller);
+            ours.any(|life| (life.slot + 1, life.epoch) == (*source, *epoch))
+                || self.lives.earlier.contains_key(&source.wrapping_sub(1))
+        };
+        self.commands.keys().filter(|writer| !is_ours(writer)).copied().collect()
+    }
+
+    /// Puts a controller of ours in the place of each program, from its first command on.
+    fn replace_programs(&mut self) {
+        let Some(system) = self.lives.of_role(Role::StepGenerator).first().map(|life| life.system) else {
+            return;
+        };
+        for (source, epoch) in self.programs() {
+            let first = self.commands[&(source, epoch)].first();
+            self.lives.all.push(Life {
+                slot: source.wrapping_sub(1),
+                role: Role::Controller,
+                incarnation: 1,
+                epoch,
+                system,
+                law: None,
+                tick: first.map_or(0, |command| command.pose_tick),
+                state: None,
+                entries: Vec::new(),
+                broken: false,
+            });
+        }
     }
 }

@@ -60,7 +60,12 @@ pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
             Role::PoseEstimator => vec![boxes::pose_estimator::replay(log, &mut states, measures)],
             _ => vec![boxes::plant::replay(log, measures)],
         };
-        if role != Role::Controller && log.lives.earlier.values().any(|earlier| *earlier == role) {
+        let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
+        // A box may have taken nothing from outside since; a path needs no planner.
+        let unknown = role != Role::Planner
+            && log.lives.of_role(role).is_empty()
+            && report.iter().flat_map(|report| &report.wires).any(|tally| tally.not_compared > 0);
+        if role != Role::Controller && (earlier || unknown) {
             let note = "at work before the recording began: what it was then is not known, and not compared";
             report[0].notes.push(note.to_owned());
         }

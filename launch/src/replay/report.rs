@@ -72,20 +72,29 @@ impl ReplayReport {
             let _ =
                 writeln!(text, "first difference of {}, {}: {}", report.name, tally.wire, first.in_words());
         }
-        let verdict = match (self.compared, self.differing) {
-            (0, _) => "Nothing could be compared.".to_owned(),
-            (n, 0) => format!("Bit for bit the same: {n} messages."),
-            (n, differing) => format!("Not the same: {differing} of {n} messages differ."),
-        };
-        text.push_str(&verdict);
+        text.push_str(&self.verdict());
         text.push('\n');
         text
+    }
+
+    /// The last line: what was compared, and how much was not.
+    fn verdict(&self) -> String {
+        let rest = match self.not_compared {
+            0 => ".".to_owned(),
+            n => format!("; {n} not compared: see above."),
+        };
+        match (self.compared, self.differing) {
+            (0, _) => format!("Nothing could be compared{rest}"),
+            (n, 0) => format!("Bit for bit the same: {n} messages{rest}"),
+            (n, differing) => format!("Not the same: {differing} of {n} messages differ{rest}"),
+        }
     }
 }
 
 /// What boxes would have answered with other parameters or another law, to the same inputs.
 pub fn open_loop_text(report: &ReplayReport) -> String {
     let mut text = format!("{}: {} ticks, what was recorded as inputs\n", report.run, report.ticks);
+    report.notes.iter().for_each(|note| text.push_str(&format!("  {note}\n")));
     for of_box in &report.boxes {
         for tally in of_box.wires.iter().filter(|tally| tally.compared > 0 && tally.wire != "taken in") {
             let _ = writeln!(
@@ -100,6 +109,14 @@ pub fn open_loop_text(report: &ReplayReport) -> String {
                 let (field, rms, max) = (&deviation.field, deviation.rms, deviation.max);
                 let _ = writeln!(text, "    {field:<24} off by {rms:.3e} (rms), {max:.3e} (max)");
             }
+        }
+        if of_box.compared() == 0 {
+            let not_compared: u64 = of_box.wires.iter().map(|tally| tally.not_compared).sum();
+            let why = match not_compared {
+                0 => "nothing of it is in the recording: nothing to answer again".to_owned(),
+                n => format!("what it took is not in the recording: messages not answered again: {n}"),
+            };
+            let _ = writeln!(text, "  {}: {why}", of_box.name);
         }
         of_box.notes.iter().for_each(|note| text.push_str(&format!("    {note}\n")));
     }

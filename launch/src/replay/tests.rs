@@ -6,6 +6,7 @@ use super::closed::{Driven, drive};
 use super::collect::Collector;
 use super::in_process::journal;
 use super::log::{Messages, RunLog, Title};
+use super::report::ReplayReport;
 use super::{BOXES, replay, what_if};
 use crate::config::{Scenario, System, Task};
 use crate::shell::in_process::InProcess;
@@ -312,4 +313,83 @@ fn a_successor_of_the_step_generator_goes_on_from_its_state() {
     gap.journal.remove(12);
     let reports = replay(&log(gap), &[Role::StepGenerator], false);
     assert!(reports[0].differing() == 0 && reports[0].wires[0].not_compared > 100, "{reports:#?}");
+}
+
+/// A run whose controller is a program that is not ours: nobody has noted its beginning.
+fn driven_by_a_program() -> (RunLog, RunLog) {
+    let (system, mut messages) = recorded("rectangle-open", &[], 200_000);
+    let ours = log_of(&system, messages.clone());
+    messages.journal = journal(Some(&system), &messages);
+    messages.journal.retain(|entry| entry.role != Role::Controller.code());
+    (ours, log_of(&system, messages))
+}
+
+#[test]
+fn another_law_drives_in_place_of_a_program_that_is_not_ours() {
+    let (ours, program) = driven_by_a_program();
+    let qp = hilare_controller::law("qp");
+    let wanted = what_if::compare(ours, &[], qp).expect("a law").what_if;
+    let found = what_if::compare(program, &[], qp).expect("a law").what_if;
+    assert!(found.parted.is_some(), "another law is another drive");
+    assert_eq!(found.changed, wanted.changed);
+    assert_eq!(found.notes, [] as [&str; 0]);
+}
+
+#[test]
+fn a_program_s_commands_are_as_given_whatever_is_set_and_judged_by_what_they_followed() {
+    let (_, program) = driven_by_a_program();
+    let slow = ["tracking.speed_mps=0.01".to_owned()];
+    let found = what_if::compare(program, &slow, None).expect("a key").what_if;
+    assert_eq!(found.changed, found.recorded);
+    assert_eq!(found.parted, None);
+    let [note] = &found.notes[..] else { panic!("{:?}", found.notes) };
+    assert!(note.contains("taken as given") && note.contains("--controller LAW"), "{note}");
+}
+
+#[test]
+fn a_change_of_the_recording_that_is_overruled_is_said() {
+    let (system, mut messages) = recorded("rectangle-open", &[], 3_000);
+    messages.journal = journal(Some(&system), &messages);
+    let last = messages.journal.iter().rfind(|entry| entry.role == Role::WaypointSelector.code());
+    let last = *last.expect("it has begun");
+    let kind = JournalKind::Param.code();
+    messages.journal.push(Journal {
+        seq: last.seq + 1,
+        tick: 500,
+        kind,
+        words: [1, 2, 500, 0, 0, 0],
+        ..last
+    });
+    let mut slower = system.clone();
+    slower.set_all(&["tracking.speed_mps=0.02"]).expect("a key");
+    let title = Title { name: "a run".to_owned(), clock: ClockKind::InProcess };
+    let log = RunLog::new(title, BTreeMap::from([(1, system), (2, slower)]), messages);
+    let notes_of = |set: &str| {
+        let set = [set.to_owned()];
+        what_if::compare(log.clone(), &set, None).expect("a key").what_if.notes
+    };
+    let notes = notes_of("tracking.speed_mps=0.03");
+    let [note] = &notes[..] else { panic!("{notes:?}") };
+    assert!(note.starts_with("tracking.speed_mps was changed to 0.02 at tick 500"), "{note}");
+    assert_eq!(notes_of("limits.v_max_mps=0.05"), [] as [&str; 0], "of another key nothing is said");
+}
+
+#[test]
+fn the_verdict_says_how_much_was_not_compared() {
+    let (system, messages) = recorded("rectangle", &[], 2_000);
+    let verdict = |messages: Messages| {
+        let log = log_of(&system, messages);
+        let text = ReplayReport::new(&log, Vec::new(), replay(&log, &BOXES, false)).to_text();
+        text.lines().last().unwrap_or_default().to_owned()
+    };
+    // The path is from outside.
+    let said = verdict(messages.clone());
+    assert!(said.ends_with("messages; 1 not compared: see above."), "{said}");
+    let mut without = messages;
+    without.journal = journal(Some(&system), &without);
+    without.journal.retain(|entry| entry.role != Role::PoseEstimator.code());
+    let poses = without.poses.len();
+    let wanted = format!("messages; {} not compared: see above.", poses + 1);
+    let said = verdict(without);
+    assert!(said.starts_with("Bit for bit the same: ") && said.ends_with(&wanted), "{said}");
 }

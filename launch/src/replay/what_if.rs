@@ -124,8 +124,10 @@ pub fn compare(log: RunLog, set: &[String], law: Option<&'static LawSpec>) -> Re
     let period = |log: &RunLog| log.first_system().map_or(1, |system| system.timing.period_ticks);
     let recorded = recorded(&log, period(&log));
     let (_, lost) = controller::replay(&log, &mut States::new(&log.lives), false);
+    let mut notes = log.overruled(set);
     let changed_log = log.changed(set, law)?;
     let changed = drive(&changed_log, &lost)?;
+    notes.extend_from_slice(&changed.notes);
     let law = law.map(|law| format!("controller.law={}", law.name));
     let what_if = WhatIf {
         run: changed_log.title.name.clone(),
@@ -133,7 +135,7 @@ pub fn compare(log: RunLog, set: &[String], law: Option<&'static LawSpec>) -> Re
         recorded: recorded.statistics.figures().into(),
         changed: changed.record.statistics.figures().into(),
         parted: changed.parted.get("pose").and_then(|parted| parted.first.clone()),
-        notes: changed.notes.clone(),
+        notes,
         pictures: Vec::new(),
     };
     Ok(Compared { what_if, recorded, changed })

@@ -70,6 +70,9 @@ fn taken_as_given(writer: (u64, u64), commands: &[Command], log: &RunLog) -> Box
     let note = if heard || !whole {
         match log.lives.earlier.get(&writer.0.wrapping_sub(1)) {
             Some(Role::Controller) => "at work before the recording began: its commands are taken as given",
+            _ if !log.lives.earlier.is_empty() => {
+                "what drove is not in the recording, which began later: its commands are taken as given"
+            }
             _ => "a program that is not hilare's: its commands are taken as given",
         }
     } else {

@@ -9,7 +9,8 @@
 //!
 //! With the recorded system files it ends in the recorded bits. With others, commands come in at the ticks at which the
 //! recorded ones did; where there is none, at once. A robot that had arrived in the recording and has not here drives on:
-//! launch's word to stop was due to the arrival.
+//! launch's word to stop was due to the arrival. Commands of a program that is not ours come in as they were: while it is
+//! in charge, the drive is as long as the recording, and judged by the recorded references.
 
 pub mod boxes;
 pub mod goals;
@@ -92,7 +93,7 @@ pub fn drive(log: &RunLog, lost: &Lost) -> Result<Driven, String> {
         }
         drive.tick()?;
     }
-    if drive.arrived() {
+    if drive.arrived() || (drive.program_drives && drive.outside.arrived) {
         drive.record.statistics.note_arrival();
     }
     let Drive { record, parted, paths, tick, mut planning, mut outside, .. } = drive;
@@ -124,6 +125,8 @@ struct Drive<'l> {
     /// Launch's last word to drive, repeated as its lease once the recording is over.
     lease: Option<Authority>,
     prolonged: bool,
+    /// Who is in charge is a program that is not ours.
+    program_drives: bool,
     tick: Tick,
     pose: Option<Pose>,
     observed: Option<Observed>,
@@ -153,6 +156,7 @@ impl<'l> Drive<'l> {
             at_once: Vec::new(),
             lease: None,
             prolonged: false,
+            program_drives: false,
             tick: 0,
             pose: None,
             observed: None,
@@ -172,7 +176,7 @@ impl<'l> Drive<'l> {
 
     /// To the end of the recording; on to the arrival, if the recorded robot arrived.
     fn goes_on(&self) -> bool {
-        let waits = self.outside.arrived && !self.arrived();
+        let waits = self.outside.arrived && !self.arrived() && !self.program_drives;
         self.tick < self.log.end || (waits && self.tick < time_limit(self.log.end))
     }
 
@@ -203,7 +207,12 @@ impl<'l> Drive<'l> {
         self.tick = steps.tick;
         self.look(&steps)?;
         if let (Some(pose), Some(observed)) = (&self.pose, &self.observed) {
-            let (truth, reference) = (&observed.truth, &self.reference);
+            let (truth, mut reference) = (&observed.truth, &self.reference);
+            if self.program_drives
+                && let Some(known) = self.log.references.between(None, self.tick.saturating_sub(1)).last()
+            {
+                reference = known;
+            }
             self.record.push(TickRecord { steps: &steps, pose, truth, reference });
         }
         Ok(())
@@ -265,7 +274,7 @@ impl<'l> Drive<'l> {
     /// What the step generator takes in before the next tick; the ticks that are lost before it.
     fn take_in(&mut self) -> Result<u64, String> {
         let mut paused = 0;
-        let stays = self.outside.ending.filter(|_| !self.arrived());
+        let stays = self.outside.ending.filter(|_| !self.arrived() && !self.program_drives);
         while let Some((_, event)) =
             self.outside.events.get(self.next_event).filter(|(at, _)| *at <= self.tick)
         {
@@ -284,6 +293,8 @@ impl<'l> Drive<'l> {
                 Event::Authority(authority) => {
                     if authority.mode == Mode::Armed.code() {
                         self.lease = Some(*authority);
+                        let in_charge = (authority.source, authority.epoch);
+                        self.program_drives = self.outside.programs.contains(&in_charge);
                     }
                     let authority = Some(authority);
                     let inputs = StepInputs { authority, ..StepInputs::default() };

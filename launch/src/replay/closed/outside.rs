@@ -44,6 +44,8 @@ pub struct Outside {
     pub poses: Answered,
     /// The robot arrived.
     pub arrived: bool,
+    /// Programs that are not ours: source and epoch.
+    pub programs: Vec<(u64, u64)>,
     /// What was given up.
     pub notes: Vec<String>,
 }
@@ -111,8 +113,19 @@ impl Outside {
             references: Answered::of(&log.references, period_ticks, as_recorded, log.end),
             poses: Answered::of(&log.poses, 1, true, log.end),
             arrived: false,
+            programs: log.programs(),
             notes: Vec::new(),
         };
+        if !outside.programs.is_empty() {
+            let names: Vec<_> =
+                outside.programs.iter().map(|(source, epoch)| format!("{source}.{epoch}")).collect();
+            outside.notes.push(format!(
+                "controller {} is a program that is not hilare's: its commands are taken as given and answer to no \
+                 change; while it is in charge, the figures are judged by the references it had. --controller LAW \
+                 drives in its place",
+                names.join(", ")
+            ));
+        }
         let arrived = log.references.between(None, log.end).iter();
         let arrived = arrived.filter(|reference| reference.state == ReferenceState::Arrived.code());
         let arrived = arrived.map(|reference| reference.tick).next();
