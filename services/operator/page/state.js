@@ -53,7 +53,7 @@ export class StatePanel {
     const old = this.old();
     const link = old && this.link === "open" ? "stale" : this.link;
     document.body.dataset.link = link;
-    put("link", { open: "connected", stale: "silent", lost: "lost, trying again" }[link]);
+    put("link", { open: "connected", stale: "silent", lost: "lost" }[link]);
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
