@@ -14,8 +14,9 @@ use std::path::Path;
 use std::thread::{Builder, sleep};
 use std::time::Duration;
 
-/// How often it looks by itself: not everybody who makes files is watched.
-const PERIOD: Duration = Duration::from_secs(1);
+/// How often it looks by itself: not everybody who makes files is watched, and one made just when its maker died is seen
+/// at the next look only. Whoever waits for it at the end of a launch has a second to leave.
+const PERIOD: Duration = Duration::from_millis(250);
 /// Looks at files that somebody is making, until they are left alone to grow up.
 const LOOKS: u32 = 50;
 /// Between two of these looks; no multiple of the millisecond at which those who wait open the file.
