@@ -1,7 +1,8 @@
 //! What is sound of a file, and in words what is not.
 
 use mcap::McapError;
-use mcap::records::{Record, op};
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::path::Path;
 
 /// Opcode and length of a record.
@@ -20,13 +21,33 @@ pub(super) fn in_words(file: &Path, offset: u64, error: &McapError) -> String {
     format!("is damaged at byte {offset}: {what}; mcap recover {file} -o whole.mcap keeps what is sound")
 }
 
-/// True if a chunk can be unpacked and is what its checksum says.
-pub(super) fn is_sound(chunk: &[u8]) -> bool {
-    match mcap::parse_record(op::CHUNK, chunk) {
-        Ok(Record::Chunk { header, data }) => mcap::read::ChunkReader::new(header, &data)
-            .is_ok_and(|mut records| records.all(|record| record.is_ok())),
-        _ => false,
+/// True if a chunk can be unpacked and is what its checksum says. Its records' lengths are not taken on trust.
+pub(super) fn is_sound(chunk: &[u8], longest: usize) -> bool {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(longest);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut whole = vec![op::CHUNK];
+    whole.extend((chunk.len() as u64).to_le_bytes());
+    whole.extend(chunk);
+    let mut rest = &whole[..];
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(size)) => {
+                let (now, later) = rest.split_at(size.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            Ok(LinearReadEvent::Record { .. }) => {}
+            // There is nothing but the chunk.
+            Err(McapError::UnexpectedEof) => return rest.is_empty(),
+            Err(_) => return false,
+        }
     }
+    true
 }
 
 /// Name and text of an attachment whose lengths and checksum are right.

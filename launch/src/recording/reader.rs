@@ -221,7 +221,7 @@ impl Records {
         let mut records = Self::open(path, true).ok()?;
         loop {
             let offset = records.offset;
-            match records.next(|opcode, data| Ok(opcode != op::CHUNK || damage::is_sound(data))) {
+            match records.next(|opcode, data| Ok(opcode != op::CHUNK || damage::is_sound(data, MAX_RECORD))) {
                 Ok(Some(true)) => {}
                 Ok(Some(false)) | Err(_) => return Some(offset),
                 Ok(None) => return None,
