@@ -58,7 +58,8 @@ impl Manager {
         }
     }
 
-    /// Everybody leaves: asked, then told, then killed.
+    /// Everybody leaves: asked, then told, then killed. Boxes first, then the relay, then who looks: so every wire of a
+    /// recording ends where the robot did.
     pub(super) fn leave(&mut self) {
         self.leaving = true;
         self.page.set_phase(Phase::Leave);
@@ -69,6 +70,16 @@ impl Manager {
         let recorder_s = if self.job.recording.is_some() { DISK_PATIENCE } else { Duration::ZERO };
         while self.members.iter().any(|member| member.running.is_some()) {
             self.step(Duration::from_millis(5));
+            let there = self.members.iter().filter(|member| member.running.is_some());
+            let first =
+                there
+                    .map(|member| Phase::leaves(member.role))
+                    .fold(Phase::AllLeave, |first, next| if next < first { next } else { first });
+            // Whoever does not go keeps nobody else.
+            let next = if started.elapsed() > LEAVE_PATIENCE / 4 { Phase::AllLeave } else { first };
+            if next > self.page.phase() {
+                self.page.set_phase(next);
+            }
             let records = |member: &Member| {
                 member.role == Role::Recorder && member.running.is_some() && started.elapsed() < recorder_s
             };

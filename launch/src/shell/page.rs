@@ -34,8 +34,23 @@ pub enum Phase {
     Starting = 0,
     /// All ports exist: connect, then work.
     Go = 1,
-    /// Everybody leaves.
+    /// The boxes leave.
     Leave = 2,
+    /// Then the relay, which repeats the last they said.
+    RelayLeaves = 3,
+    /// Then who looks, and whoever is still there.
+    AllLeave = 4,
+}
+
+impl Phase {
+    /// When a role leaves.
+    pub fn leaves(role: Role) -> Self {
+        match role {
+            Role::Relay => Self::RelayLeaves,
+            Role::Recorder | Role::Operator => Self::AllLeave,
+            _ => Self::Leave,
+        }
+    }
 }
 
 /// What comes so seldom that whoever waits for it looks only when it is announced, and now and then.
@@ -245,7 +260,9 @@ impl Page {
         match self.phase.load(Ordering::SeqCst) {
             0 => Phase::Starting,
             1 => Phase::Go,
-            _ => Phase::Leave,
+            2 => Phase::Leave,
+            3 => Phase::RelayLeaves,
+            _ => Phase::AllLeave,
         }
     }
 }

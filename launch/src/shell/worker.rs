@@ -317,7 +317,7 @@ impl Worker {
 
     /// True when launch said leave, or a signal did.
     pub fn leaving(&self) -> bool {
-        self.page.phase() == Phase::Leave || self.terminate.load(Ordering::Relaxed)
+        self.page.phase() >= Phase::leaves(self.assignment.role) || self.terminate.load(Ordering::Relaxed)
     }
 
     /// Gives a sign of life, and sends a heartbeat if one is due at `now`.
