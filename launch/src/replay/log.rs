@@ -233,11 +233,6 @@ impl RunLog {
             .or_else(|| written.iter().find(numbered))
     }
 
-    /// True if a command was sent after the last one of its controller that the recording still took.
-    pub fn is_beyond(&self, source: u64, epoch: u64, seq: u64) -> bool {
-        self.commands.get(&(source, epoch)).is_some_and(|all| all.iter().all(|command| command.seq < seq))
-    }
-
     /// The last tick any message can be of; beyond, it is a lie.
     pub fn horizon(&self) -> Tick {
         self.end.saturating_add(APART_MAX)

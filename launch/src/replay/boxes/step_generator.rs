@@ -114,12 +114,6 @@ pub fn begin(log: &RunLog, life: &Life, states: &States) -> Result<StepGenerator
     Ok(generator)
 }
 
-/// True if the recording ended between a command and the journal that says it was taken in.
-fn is_cut_off(log: &RunLog, entry: &Journal) -> bool {
-    let [source, epoch, seq, ..] = entry.words;
-    JournalKind::from_code(entry.kind) == Some(JournalKind::Command) && log.is_beyond(source, epoch, seq)
-}
-
 fn replay_life(
     log: &RunLog,
     life: &Life,
@@ -177,10 +171,6 @@ fn replay_life(
                 }
             },
             Ok(Taken::Nothing) => {}
-            Err(_) if is_cut_off(log, entry) => {
-                ledger.know(from..=tick);
-                return Ok(());
-            }
             Err(why) => {
                 fault = Some(why);
                 break;
