@@ -9,8 +9,8 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 use support::process::Ended;
+use support::web_socket::{self, frame};
 use support::{Lab, PATIENCE, Running, number, pid_of, python_with, text, wait_until};
 
 /// A port that nobody has at present.
@@ -141,26 +141,8 @@ fn what_is_seen_of_a_run_is_what_is_recorded_of_it() {
 
 /// A WebSocket of a viewer, or what it was answered.
 fn socket(address: &str, headers: &str) -> Result<TcpStream, String> {
-    let mut stream = TcpStream::connect(address).expect("a connection");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a time-out");
-    stream.set_write_timeout(Some(Duration::from_millis(200))).expect("a time-out");
-    let head = format!(
-        "GET / HTTP/1.1\r\nHost: {address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
-         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\
-         Sec-WebSocket-Protocol: foxglove.websocket.v1, foxglove.sdk.v1\r\n{headers}\r\n"
-    );
-    stream.write_all(head.as_bytes()).expect("it is taken");
-    let (mut answer, mut byte) = (Vec::new(), [0]);
-    while !answer.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read == 1) {
-        answer.push(byte[0]);
-    }
-    let answer = String::from_utf8_lossy(&answer).into_owned();
-    if answer.starts_with("HTTP/1.1 101 ") { Ok(stream) } else { Err(answer) }
-}
-
-/// A frame, masked with nothing.
-fn frame(first: u8, payload: &[u8]) -> Vec<u8> {
-    [&[first, 0xff][..], &(payload.len() as u64).to_be_bytes(), &[0; 4], payload].concat()
+    let protocols = "Sec-WebSocket-Protocol: foxglove.websocket.v1, foxglove.sdk.v1\r\n";
+    web_socket::open(address, "/", &format!("{protocols}{headers}"))
 }
 
 /// Subscribes to the first channels.

@@ -10,6 +10,7 @@ use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use support::web_socket::{self, frame};
 use support::{Lab, PATIENCE, number, pid_of, text, wait_until};
 use tempfile::TempDir;
 
@@ -201,28 +202,10 @@ fn faults_are_shown_with_their_reason() {
     wait_until("it has ended", || lab.processes().is_empty());
 }
 
-/// A WebSocket of a client that is no browser, or what it was answered.
+/// A WebSocket of a page, or what it was answered.
 fn socket(url: &str, headers: &str) -> Result<TcpStream, String> {
     let address = url.strip_prefix("http://").and_then(|rest| rest.split_once('/')).expect("an address").0;
-    let mut stream = TcpStream::connect(address).expect("a connection");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a time-out");
-    stream.set_write_timeout(Some(Duration::from_millis(200))).expect("a time-out");
-    let head = format!(
-        "GET /ws HTTP/1.1\r\nHost: {address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
-         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n{headers}\r\n"
-    );
-    stream.write_all(head.as_bytes()).expect("it is taken");
-    let (mut answer, mut byte) = (Vec::new(), [0]);
-    while !answer.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read == 1) {
-        answer.push(byte[0]);
-    }
-    let answer = String::from_utf8_lossy(&answer).into_owned();
-    if answer.starts_with("HTTP/1.1 101 ") { Ok(stream) } else { Err(answer) }
-}
-
-/// A frame, masked with nothing.
-fn frame(opcode: u8, payload: &[u8]) -> Vec<u8> {
-    [&[0x80 | opcode, 0xff][..], &(payload.len() as u64).to_be_bytes(), &[0; 4], payload].concat()
+    web_socket::open(address, "/ws", headers)
 }
 
 /// Waits until the page tells what is wanted.
@@ -253,11 +236,11 @@ fn hostile_pages_cost_neither_memory_nor_a_tick_nor_a_stop() {
     let refused = socket(&url, "Origin: http://evil.example\r\n").expect_err("another site");
     assert!(refused.starts_with("HTTP/1.1 403 "), "{refused}");
     let before_kb = resident_kb();
-    let garbage = frame(1, &vec![b'['; 1 << 20]);
+    let garbage = frame(0x81, &vec![b'['; 1 << 20]);
     let flood: Vec<u8> = (0..400)
         .flat_map(|id| {
             frame(
-                1,
+                0x81,
                 format!("{{\"id\":{id},\"do\":\"predict\",\"waypoints\":[[0,0,0,0],[9,0,0,0]]}}").as_bytes(),
             )
         })
@@ -267,7 +250,7 @@ fn hostile_pages_cost_neither_memory_nor_a_tick_nor_a_stop() {
         let mut stream = socket(&url, "").expect("a WebSocket");
         let _ = match n % 4 {
             0 => stream.write_all(&garbage),
-            1 => stream.write_all(&frame(2, &garbage)),
+            1 => stream.write_all(&frame(0x82, &garbage)),
             2 => stream.write_all(&flood),
             _ => stream.write_all(&garbage[..garbage.len() / 2]),
         };
@@ -280,7 +263,7 @@ fn hostile_pages_cost_neither_memory_nor_a_tick_nor_a_stop() {
     assert_eq!((pid_of(&now, "operator"), text(&now, "mode")), (page, "armed"));
     assert!(now["fault"].is_null() && number(&now, "tick") > number(&status, "tick"), "{now}");
     let mut good = socket(&url, "").expect("a WebSocket");
-    good.write_all(&frame(1, b"{\"id\":7,\"do\":\"stop\"}")).expect("it is taken");
+    good.write_all(&frame(0x81, b"{\"id\":7,\"do\":\"stop\"}")).expect("it is taken");
     hear(&mut good, "\"id\":7,\"message\":\"stopping");
     lab.await_status(&robot, "it has stopped", |status| text(status, "mode") == "stop");
     drop(crowd);
@@ -293,7 +276,7 @@ fn a_page_comes_back_with_its_robot_and_a_page_that_is_lost_stops_one_that_wants
     let (robot, url) = up(&lab, &["--set", "operator.on_lost=stop"]);
     let mut stream = socket(&url, "").expect("a WebSocket");
     hear(&mut stream, "\"type\":\"hello\"");
-    stream.write_all(&frame(1, b"{\"id\":1,\"do\":\"arm\"}")).expect("it is taken");
+    stream.write_all(&frame(0x81, b"{\"id\":1,\"do\":\"arm\"}")).expect("it is taken");
     hear(&mut stream, "\"id\":1,\"message\":\"armed");
     hear(&mut stream, "\"mode\":\"armed\"");
     // A relay that starts again is joined again.

@@ -13,6 +13,7 @@ pub mod machine;
 pub mod process;
 pub mod random;
 pub mod units;
+pub mod web_socket;
 
 pub use process::{Ended, Running};
 

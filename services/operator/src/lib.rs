@@ -21,6 +21,7 @@ pub mod foxglove;
 pub mod live;
 pub mod message;
 pub mod metrics;
+mod mouth;
 mod orders;
 mod presence;
 pub mod robot;

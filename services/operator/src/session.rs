@@ -3,11 +3,12 @@
 use crate::Source;
 use crate::live::Seen;
 use crate::message::{Answer, Order};
+use crate::mouth::Mouth;
 use crate::orders::{Desk, Rate};
 use crate::presence::Visit;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
-use futures_util::stream::{SplitSink, SplitStream};
-use futures_util::{SinkExt, StreamExt};
+use futures_util::StreamExt;
+use futures_util::stream::SplitStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -17,10 +18,6 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Time between two looks for what has changed: 30 a second.
 const LOOK: Duration = Duration::from_micros(33_333);
-/// Time a page may take for one message.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// Time between two pings.
-const PING: Duration = Duration::from_secs(3);
 /// Time after which a page that says nothing, not even that it is there, is gone.
 const SILENCE: Duration = Duration::from_secs(10);
 /// Orders a second, of stops and of all others.
@@ -41,22 +38,17 @@ pub async fn converse(socket: WebSocket, source: Arc<dyn Source>, desk: Arc<Desk
     let (answers, waiting) = channel(ANSWERS);
     let ear = Ear::new(desk, answers);
     tokio::select! {
-        () = tell(sink, source, waiting) => {}
+        () = tell(Mouth::new(sink), source, waiting) => {}
         () = ear.hear(stream, &visit) => {}
         () = visit.end.notified() => {}
     }
 }
 
 /// Tells what changes, and the answers first.
-async fn tell(
-    mut sink: SplitSink<WebSocket, Message>,
-    source: Arc<dyn Source>,
-    mut answers: Receiver<Utf8Bytes>,
-) {
+async fn tell(mut mouth: Mouth, source: Arc<dyn Source>, mut answers: Receiver<Utf8Bytes>) {
     let mut seen = Seen::default();
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut pinged = Instant::now();
     loop {
         let messages = tokio::select! {
             biased;
@@ -67,22 +59,14 @@ async fn tell(
             _ = look.tick() => source.live().unseen(&mut seen),
         };
         for message in messages {
-            if say(&mut sink, Message::Text(message)).await.is_none() {
+            if mouth.say(Message::Text(message)).await.is_none() {
                 return;
             }
         }
-        if pinged.elapsed() >= PING {
-            pinged = Instant::now();
-            if say(&mut sink, Message::Ping(Vec::new().into())).await.is_none() {
-                return;
-            }
+        if mouth.ping().await.is_none() {
+            return;
         }
     }
-}
-
-/// `None` if the page does not take it.
-async fn say(sink: &mut SplitSink<WebSocket, Message>, message: Message) -> Option<()> {
-    timeout(PATIENCE, sink.send(message)).await.ok()?.ok()
 }
 
 /// What listens to a page.

@@ -2,10 +2,11 @@
 
 use super::feed::{Feed, Seen};
 use super::protocol::{Level, Request, Subscription, advertise, message_data, parse, server_info, status};
+use crate::mouth::Mouth;
 use crate::orders::Rate;
 use axum::extract::ws::{Message, WebSocket};
-use futures_util::stream::{SplitSink, SplitStream};
-use futures_util::{SinkExt, StreamExt};
+use futures_util::StreamExt;
+use futures_util::stream::SplitStream;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
@@ -13,10 +14,6 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Time between two looks for what has come: 30 a second.
 const LOOK: Duration = Duration::from_micros(33_333);
-/// Time a viewer may take for one message.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// Time between two pings.
-const PING: Duration = Duration::from_secs(3);
 /// Time after which a viewer that says nothing, not even that it is there, is gone.
 const SILENCE: Duration = Duration::from_secs(10);
 /// Messages and bytes a second, and at once; who sends more is not listened to so often.
@@ -73,60 +70,47 @@ fn lock(followed: &Mutex<Followed>) -> MutexGuard<'_, Followed> {
 
 /// Serves a viewer until it goes.
 pub async fn converse(socket: WebSocket, feed: Arc<Feed>, session: Arc<str>) {
-    let (mut sink, stream) = socket.split();
+    let (sink, stream) = socket.split();
+    let mut mouth = Mouth::new(sink);
     for greeting in [server_info(&feed.name, &session), advertise(feed.channels())] {
-        if say(&mut sink, Message::Text(greeting.into())).await.is_none() {
+        if mouth.say(Message::Text(greeting.into())).await.is_none() {
             return;
         }
     }
     let followed = Mutex::default();
     let (words, waiting) = channel(WORDS);
     tokio::select! {
-        () = tell(sink, &feed, &followed, waiting) => {}
+        () = tell(mouth, &feed, &followed, waiting) => {}
         () = hear(stream, &feed, &followed, words) => {}
     }
 }
 
 /// Tells what comes, and words first.
-async fn tell(
-    mut sink: SplitSink<WebSocket, Message>,
-    feed: &Feed,
-    followed: &Mutex<Followed>,
-    mut words: Receiver<String>,
-) {
+async fn tell(mut mouth: Mouth, feed: &Feed, followed: &Mutex<Followed>, mut words: Receiver<String>) {
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut pinged = Instant::now();
     loop {
         tokio::select! {
             biased;
             word = words.recv() => {
                 let Some(word) = word else { return };
-                if say(&mut sink, Message::Text(word.into())).await.is_none() {
+                if mouth.say(Message::Text(word.into())).await.is_none() {
                     return;
                 }
             }
             _ = look.tick() => {
                 let news = lock(followed).news(feed);
                 for message in news {
-                    if say(&mut sink, Message::Binary(message.into())).await.is_none() {
+                    if mouth.say(Message::Binary(message.into())).await.is_none() {
                         return;
                     }
                 }
             }
         }
-        if pinged.elapsed() >= PING {
-            pinged = Instant::now();
-            if say(&mut sink, Message::Ping(Vec::new().into())).await.is_none() {
-                return;
-            }
+        if mouth.ping().await.is_none() {
+            return;
         }
     }
-}
-
-/// `None` if the viewer does not take it.
-async fn say(sink: &mut SplitSink<WebSocket, Message>, message: Message) -> Option<()> {
-    timeout(PATIENCE, sink.send(message)).await.ok()?.ok()
 }
 
 /// Hears what a viewer asks for; what cannot be is answered.
