@@ -28,6 +28,28 @@ fn example() -> PathBuf {
     controllers().join("kanayama.py")
 }
 
+/// Of an empty configuration iceoryx2 makes its defaults: who read one too early was in another domain, heard nothing
+/// and was told nothing.
+#[test]
+fn who_joins_while_launch_starts_never_sees_half_a_configuration() {
+    let lab = Lab::new();
+    let path = lab.straight(0.02);
+    let robot = lab.robot();
+    let file = lab.runtime_dir().join(&robot).join("iceoryx2.toml");
+    let mut whole = 0;
+    for _ in 0..5 {
+        let mut run =
+            lab.start(&["run", "--clock", "lockstep", "--robot", &robot, "--path", &path.to_string_lossy()]);
+        while run.lives() {
+            let Ok(text) = fs::read_to_string(&file) else { continue };
+            assert!(text.contains(&format!(".{robot}.")), "half a configuration: {text:?}");
+            whole += 1;
+        }
+        assert_eq!(run.wait(support::PATIENCE).code, Some(0));
+    }
+    assert!(whole > 0, "it was never there");
+}
+
 #[test]
 fn the_copies_for_other_languages_are_what_the_command_prints() {
     let lab = Lab::new();

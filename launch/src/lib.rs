@@ -16,6 +16,7 @@
 //! * [`systemd`]: units that start a robot at boot.
 //! * [`tuning`]: parameters of a law, searched for.
 //! * [`cli`]: the `hilare` command.
+//! * `whole`: files that are there as a whole or not at all.
 //! * `private`: what belongs to one user alone, in places that belong to everybody.
 
 pub mod cli;
@@ -36,3 +37,4 @@ pub mod systemd;
 pub mod top;
 pub mod topic;
 pub mod tuning;
+mod whole;

@@ -68,8 +68,15 @@ await inBrowser(async (page) => {
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "what was refused changes nothing");
 
   // What the robot would make of it is what a run of the same path comes to, and is shown where it happens.
-  const predicted = () => page.waitForFunction(() => globalThis.hilare.picture.prediction && document.getElementById("predicted").textContent);
-  const draw = (points) => page.setInputFiles("#file", { name: "path.csv", mimeType: "text/csv", buffer: Buffer.from(points) });
+  const predicted = () => page.waitForFunction(() => {
+    const line = document.getElementById("predicted");
+    return globalThis.hilare.picture.prediction && line.ariaBusy !== "true" && line.textContent;
+  });
+  const draw = async (csv) => {
+    await page.setInputFiles("#file", { name: "path.csv", mimeType: "text/csv", buffer: Buffer.from(csv) });
+    const points = csv.trim().split("\n").slice(1).map((line) => line.split(",").map(Number));
+    await page.waitForFunction((points) => JSON.stringify(globalThis.hilare.path.points) === JSON.stringify(points), points);
+  };
   const hairpin = "x,y\n0.2,0.2\n0.4,0.2\n0.2,0.22\n0.2,0.1\n";
   await page.fill("#tolerance", "15");
   await draw(hairpin);

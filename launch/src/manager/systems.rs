@@ -2,6 +2,7 @@
 
 use crate::config::System;
 use crate::shell::worker::system_file;
+use crate::whole::write_whole;
 use std::path::Path;
 
 /// Which files there are, and which are read.
@@ -25,10 +26,7 @@ impl SystemFiles {
     pub fn write(&mut self, dir: &Path, system: &System) -> Result<u64, String> {
         let number = self.written + 1;
         let file = dir.join(system_file(number));
-        let new = file.with_extension("new");
-        std::fs::write(&new, system.to_toml())
-            .and_then(|()| std::fs::rename(&new, &file))
-            .map_err(|error| format!("{}: {error}", file.display()))?;
+        write_whole(&file, system.to_toml().as_bytes()).map_err(|error| error.to_string())?;
         self.written = number;
         Ok(number)
     }

@@ -2,6 +2,7 @@
 
 use super::RunInfo;
 use crate::config::System;
+use crate::whole::write_whole;
 use hilare_interfaces::param_group;
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -90,7 +91,7 @@ impl Order {
     pub fn leave_in(&self, runtime_dir: &Path) -> Result<(), String> {
         let file = runtime_dir.join(ORDER_FILE);
         let text = serde_json::to_string(self).map_err(|error| error.to_string())?;
-        std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))
+        write_whole(&file, text.as_bytes()).map_err(|error| error.to_string())
     }
 
     /// The order in a runtime directory, if there is one.

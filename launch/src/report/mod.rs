@@ -33,6 +33,7 @@ pub use source::PastRun;
 pub use summary::{Counters, RecordingSummary, RunIdentity, Summary};
 pub use verdict::verdict_text;
 
+use crate::whole::write_whole;
 use hilare_planner::waypoint_file;
 use std::fs;
 use std::io;
@@ -66,17 +67,5 @@ pub(crate) fn make_dir(dir: &Path) -> io::Result<()> {
     fs::create_dir_all(dir).map_err(|error| {
         let (dir, kind) = (dir.display(), error.kind());
         io::Error::new(kind, format!("cannot make the directory {dir}: {error}; choose another with --out"))
-    })
-}
-
-/// Writes a file so that a reader sees the old one or the new one, never half of it.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    // Beside its target, because a rename is atomic only within one file system.
-    let half = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
-    fs::write(&half, bytes).and_then(|()| fs::rename(&half, path)).map_err(|error| {
-        // The half-written file is of no use; that it may not exist is no second fault.
-        let _ = fs::remove_file(&half);
-        io::Error::new(error.kind(), format!("cannot write {}: {error}", path.display()))
     })
 }

@@ -4,7 +4,8 @@ use super::compose::{stacked, text_sheet};
 use super::moments::{cross_track_svg, estimate_svg, heading_svg, mishaps_svg, speed_svg, yaw_rate_svg};
 use super::plots::{PlotInput, path_svg};
 use super::timeline::HEIGHT;
-use super::{Summary, make_dir, write_whole};
+use super::{Summary, make_dir};
+use crate::whole::write_whole;
 use std::io;
 use std::path::{Path, PathBuf};
 

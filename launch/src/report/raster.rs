@@ -2,7 +2,7 @@
 //! same.
 
 use super::compose::shown_at;
-use super::write_whole;
+use crate::whole::write_whole;
 use clap::ValueEnum;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::fontdb::{Database, Source};

@@ -1,7 +1,8 @@
 //! `summary.json`: the figures of a run, keys and order fixed by the design.
 
-use super::{Correction, make_dir, write_whole};
+use super::{Correction, make_dir};
 use crate::recording;
+use crate::whole::write_whole;
 use hilare_interfaces::latency::Quantiles;
 use hilare_recorder::statistics::RunFigures;
 use serde::{Deserialize, Serialize};

@@ -5,6 +5,7 @@ use super::page::News;
 use super::renewal::Renewals;
 use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
+use crate::whole::write_whole;
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::layout::WireField;
@@ -229,10 +230,8 @@ impl KeptPath {
 
     /// Whole or not at all. Without room the drive goes on; only a successor will have no path.
     fn write(&self, text: &str) {
-        let new = self.0.with_extension("new");
-        let kept = std::fs::write(&new, text).and_then(|()| std::fs::rename(&new, &self.0));
-        if let Err(error) = kept {
-            warn!("{}: {error}: a successor will not know the path", self.0.display());
+        if let Err(error) = write_whole(&self.0, text.as_bytes()) {
+            warn!("{error}: a successor will not know the path");
         }
     }
 

@@ -16,6 +16,7 @@ pub use janitor::Janitor;
 pub use sweeper::Sweeper;
 
 use crate::private;
+use crate::whole::write_whole;
 use hilare_interfaces::export::LAYOUT;
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::wires::{WIRES, Wire};
@@ -101,7 +102,8 @@ pub fn write_config(runtime_dir: &FsPath, robot: &str) -> Result<(), TransportEr
         FileName::new(shm_prefix(robot).as_bytes()).map_err(|e| failed("robot name", e))?;
     let text = toml::to_string(&config).map_err(|e| failed("iceoryx2 configuration", e))?;
     let file = runtime_dir.join(CONFIG_FILE);
-    std::fs::write(&file, text).map_err(|e| TransportError(format!("{}: {e}", file.display())))
+    // Of a file that is still empty iceoryx2 would make its defaults: another domain than this one.
+    write_whole(&file, text.as_bytes()).map_err(|e| TransportError(e.to_string()))
 }
 
 /// A process's place in a robot's domain.

@@ -34,6 +34,8 @@ export class Drawing {
     $("export").disabled = path.points.length < 2;
     // Marks of a path with other waypoints would stand at the wrong ones.
     if (this.picture.prediction?.of !== path.points.length || !path.unsent) this.forget();
+    // Others are of the path as it was: they stay, with dots behind, until the answer.
+    else $("predicted").ariaBusy = "true";
     this.picture.touch();
     this.showTable();
     this.store();
@@ -92,6 +94,7 @@ export class Drawing {
   forget() {
     this.picture.prediction = null;
     put("predicted", "");
+    $("predicted").ariaBusy = "false";
     this.picture.touch();
   }
 
