@@ -74,8 +74,8 @@ await inBrowser(async (page) => {
   });
   const draw = async (csv) => {
     await page.setInputFiles("#file", { name: "path.csv", mimeType: "text/csv", buffer: Buffer.from(csv) });
-    const points = csv.trim().split("\n").slice(1).map((line) => line.split(",").map(Number));
-    await page.waitForFunction((points) => JSON.stringify(globalThis.hilare.path.points) === JSON.stringify(points), points);
+    const points = csv.trim().split("\n").slice(1).map((line) => [...line.split(",").map(Number), 0, 0]);
+    await page.waitForFunction((points) => JSON.stringify(globalThis.hilare.path.points) === points, JSON.stringify(points));
   };
   const hairpin = "x,y\n0.2,0.2\n0.4,0.2\n0.2,0.22\n0.2,0.1\n";
   await page.fill("#tolerance", "15");
