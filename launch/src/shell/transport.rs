@@ -27,7 +27,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
-use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
 use std::any::Any;
 use std::fmt;
@@ -196,7 +196,7 @@ impl Domain {
             .max_subscribers(max_subscribers(wire))
             .max_nodes(MAX_NODES)
             .create_with_attributes(&layout_attribute(wire)?)
-            .map_err(|cause| create_failed(wire, cause))
+            .map_err(|cause| no_room(wire, cause))
     }
 
     fn create_slice<H: WireMessage + fmt::Debug, T: WireMessage + fmt::Debug>(
@@ -216,7 +216,7 @@ impl Domain {
             .max_subscribers(max_subscribers(wire))
             .max_nodes(MAX_NODES)
             .create_with_attributes(&layout_attribute(wire)?)
-            .map_err(|cause| create_failed(wire, cause))
+            .map_err(|cause| no_room(wire, cause))
     }
 
     fn open<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Service<T>, TransportError> {
@@ -242,7 +242,7 @@ impl Domain {
     /// The writing end of a wire.
     pub fn output<T: WireMessage + fmt::Debug>(&self, wire: &Wire) -> Result<Output<T>, TransportError> {
         let publisher = self.open::<T>(wire)?.publisher_builder().create();
-        Ok(Output { publisher: publisher.map_err(|e| failed(wire.name, e))? })
+        Ok(Output { publisher: publisher.map_err(|e| no_room(wire, e))? })
     }
 
     /// The reading end of a wire.
@@ -262,7 +262,7 @@ impl Domain {
         buffer: usize,
     ) -> Result<Input<T>, TransportError> {
         let subscriber = self.open::<T>(wire)?.subscriber_builder().buffer_size(buffer).create();
-        Ok(Input { subscriber: subscriber.map_err(|e| failed(wire.name, e))? })
+        Ok(Input { subscriber: subscriber.map_err(|e| no_room(wire, e))? })
     }
 
     /// The writing end of a wire with waypoints.
@@ -277,7 +277,7 @@ impl Domain {
             .initial_max_slice_len(64)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
             .create();
-        Ok(SliceOutput { publisher: publisher.map_err(|e| failed(wire.name, e))? })
+        Ok(SliceOutput { publisher: publisher.map_err(|e| no_room(wire, e))? })
     }
 
     /// The reading end of a wire with waypoints.
@@ -286,7 +286,7 @@ impl Domain {
         wire: &Wire,
     ) -> Result<SliceInput<H, T>, TransportError> {
         let subscriber = self.open_slice::<H, T>(wire)?.subscriber_builder().create();
-        Ok(SliceInput { subscriber: subscriber.map_err(|e| failed(wire.name, e))? })
+        Ok(SliceInput { subscriber: subscriber.map_err(|e| no_room(wire, e))? })
     }
 }
 
@@ -313,9 +313,11 @@ fn layout_requirement(wire: &Wire) -> Result<AttributeVerifier, TransportError> 
     AttributeVerifier::new().require(&key, &value).map_err(|e| failed(LAYOUT, e))
 }
 
-fn create_failed(wire: &Wire, cause: PublishSubscribeCreateError) -> TransportError {
+/// iceoryx2 does not say what it has run out of.
+fn no_room(wire: &Wire, cause: impl fmt::Debug) -> TransportError {
     TransportError(format!(
-        "wire {}: cannot create it ({cause:?}); is /dev/shm full or too small? (hilare doctor)",
+        "wire {}: cannot be set up ({cause:?}); is /dev/shm full, or are too few open files allowed (ulimit -n)? \
+         hilare doctor tells",
         wire.name
     ))
 }
@@ -334,7 +336,7 @@ fn open_failed(wire: &Wire, cause: PublishSubscribeOpenError) -> TransportError 
             "wire {}: no such service; launch creates it: is the robot up? (hilare status)",
             wire.name
         )),
-        other => failed(format!("wire {}", wire.name), other),
+        other => no_room(wire, other),
     }
 }
 
