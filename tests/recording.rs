@@ -304,3 +304,29 @@ fn a_robot_that_is_up_can_be_recorded_and_need_not_know() {
         Recording::open(&lab.dir().join("until-down")).is_ok_and(|recording| recording.truncated().is_none())
     );
 }
+
+#[test]
+fn a_disk_that_is_full_ends_what_is_recorded_beside_a_robot_and_is_told() {
+    let lab = Lab::new();
+    let robot = lab.robot();
+    lab.hilare(&["up", "--detach", "--robot", &robot]).expect_code(0);
+    lab.hilare(&["arm", "--robot", &robot]).expect_code(0);
+    let recording = lab.start(&["record", "--robot", &robot, "--out", "full.mcap"]);
+    let file = lab.dir().join("full.mcap");
+    let bytes = || fs::metadata(&file).map_or(0, |file| file.len());
+    wait_until("it records", || bytes() > 20_000);
+    let limit = bytes() + 100_000;
+    let pid = Pid::from_raw(recording.pid());
+    let limits = Rlimit { current: Some(limit), maximum: Some(limit) };
+    prlimit(pid, Resource::Fsize, limits).expect("a limit");
+    let ended = recording.wait(PATIENCE).expect_code(1);
+    assert!(ended.stderr.contains("the recording is not complete"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("files may not become larger"), "{}", ended.stderr);
+    // What is there is whole, and the robot has noticed nothing.
+    assert_eq!(Recording::open(&file).expect("a recording").truncated(), None);
+    assert!(is_gapless(&ticks(&entries(&file))) && bytes() <= limit);
+    let then = tick_of(&lab.await_status(&robot, "a status", |_| true));
+    let status = lab.await_status(&robot, "it goes on", |status| tick_of(status) > then + 100.0);
+    assert!(status["fault"].is_null(), "{status}");
+    lab.hilare(&["down", "--robot", &robot]).expect_code(0);
+}

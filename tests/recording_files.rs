@@ -194,13 +194,25 @@ fn parts_are_files_of_their_own_and_one_recording() {
 /// An MCAP file with one channel and a message.
 fn mcap_with(topic: &str, encoding: &str, metadata: &[(&str, &str)]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let mut writer = mcap::Writer::new(std::io::Cursor::new(&mut bytes)).expect("a writer");
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4));
+    let mut writer = options.create(std::io::Cursor::new(&mut bytes)).expect("a writer");
     let metadata = metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
     let channel = writer.add_channel(0, topic, encoding, &metadata).expect("a channel");
     let header = MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
     writer.write_to_known_channel(&header, &[1, 2, 3]).expect("a message");
     writer.finish().expect("an end");
     drop(writer);
+    bytes
+}
+
+/// As if a program had compressed it in a way that hilare does not know.
+fn compressed_otherwise(mut bytes: Vec<u8>) -> Vec<u8> {
+    let places: Vec<usize> =
+        (0..bytes.len()).filter(|at| bytes[*at..].starts_with(b"\x03\0\0\0lz4")).collect();
+    assert!(!places.is_empty());
+    for at in places {
+        bytes[at + 4..at + 7].copy_from_slice(b"xyz");
+    }
     bytes
 }
 
@@ -224,6 +236,14 @@ fn what_is_no_recording_is_said_in_a_line() {
         (
             file("foreign.mcap", &mcap_with("/imu", "cdr", &[])),
             "is no recording of hilare: it has no channels /hilare/...",
+        ),
+        (
+            file("foreign-xyz.mcap", &compressed_otherwise(mcap_with("/imu", "cdr", &[]))),
+            "is no recording of hilare: it has no channels /hilare/...",
+        ),
+        (
+            file("xyz.mcap", &compressed_otherwise(mcap_with("/hilare/pose", "cdr", &[("layout", &layout)]))),
+            "xyz",
         ),
         (
             file(
