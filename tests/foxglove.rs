@@ -61,7 +61,10 @@ fn assert_near(one: &[f64], other: &[f64], tolerance: f64) {
 fn who_comes_late_sees_where_the_robot_is_and_its_path_and_again_after_the_process_was_killed() {
     let Some(python) = client("who_comes_late_sees_where_the_robot_is_and_its_path") else { return };
     let lab = Lab::new();
-    let (robot, address) = up(&lab, &[]);
+    // A wall above the path, and nothing else.
+    let map = r#"{"width_m": 1.0, "height_m": 0.5, "boxes_m": [[0.0, 0.3, 1.0, 0.5]]}"#;
+    let map = format!("planner.map={}", lab.file("wall.json", map).display());
+    let (robot, address) = up(&lab, &["--set", &map]);
     let path = lab.file("corner.csv", "x,y\n0,0\n0.15,0\n0.15,0.1\n");
     lab.hilare(&["arm", "--robot", &robot]).expect_code(0);
     lab.hilare(&["follow", &path.to_string_lossy(), "--robot", &robot]).expect_code(0);
@@ -85,6 +88,11 @@ fn who_comes_late_sees_where_the_robot_is_and_its_path_and_again_after_the_proce
         assert_eq!(seen["odom_frames"], json!(["odom", "base_link"]));
         assert_eq!((text(seen, "path_frame"), text(seen, "reference_frame")), ("map", "map"));
         assert_eq!(seen["path"], json!([[0.0, 0.0], [0.15, 0.0], [0.15, 0.1]]));
+        // Of the map's half square metre the wall has two fifths, all of it above y = 0.3.
+        assert_near(&list(&seen["map_m"]), &[0.0, 0.0, 1.0, 0.5], 1e-6);
+        assert_near(&[number(seen, "occupied_m2")], &[0.2], 0.01);
+        assert!((number(seen, "occupied_from_m") - 0.3).abs() < 0.01, "{seen}");
+        assert_eq!((text(seen, "footprint_frame"), number(seen, "footprint_m")), ("base_link", 0.037));
         // From the last line, x = 0.15, whose left is at smaller x.
         let aside_m = 0.15 - list(&status["pose"])[0];
         assert_near(&[number(seen, "cross_track_error")], &[aside_m], 1e-9);
@@ -220,10 +228,11 @@ fn hostile_viewers_cost_neither_memory_nor_the_page_nor_a_tick() {
     let now = lab.status(&robot).expect("up");
     assert_eq!((pid_of(&now, "operator"), text(&now, "mode")), (process, "armed"));
     assert!(now["fault"].is_null() && number(&now, "tick") > number(&status, "tick"), "{now}");
-    // The log says whose page was refused, and what to do; once.
+    // The log says whose page was refused, and what to do; of each once.
     let log = fs::read_to_string(lab.runtime_dir().join(format!("{robot}.log"))).expect("a log");
-    let refused = log.lines().filter(|line| line.contains("operator.foxglove_origins")).count();
-    assert!(log.contains("http://evil.example") && refused == 1, "{log}");
+    let told =
+        |origin: &str| log.lines().filter(|line| line.contains(&format!("page of \"{origin}\" "))).count();
+    assert_eq!((told("http://evil.example"), told("null")), (1, 1), "{log}");
     drop((crowd, silent));
     down(&lab, &robot);
 }

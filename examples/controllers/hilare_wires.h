@@ -78,7 +78,7 @@
 /* planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder,
  * operator -> launch, relay, 20 Hz: state, reason, counters. Health. */
 #define HILARE_HEALTH_SERVICE "hilare/health"
-#define HILARE_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
+#define HILARE_HEALTH_LAYOUT "a66ca2bcb1b46bb7 0.1.0"
 
 /* relay -> recorder, operator, observers, on demand: a point to go to, or waypoints to follow.
  * GoalHeader, then Waypoints. */
@@ -135,7 +135,7 @@
 
 /* relay -> recorder, operator, observers, 20 Hz: state, reason, counters. Health. */
 #define HILARE_WATCH_HEALTH_SERVICE "hilare/watch/health"
-#define HILARE_WATCH_HEALTH_LAYOUT "4d4e64cd50153a08 0.1.0"
+#define HILARE_WATCH_HEALTH_LAYOUT "a66ca2bcb1b46bb7 0.1.0"
 
 /* relay -> recorder, operator, observers, on demand: what each box took from outside, and at which tick:
  * what a replay needs beside the wires. Journal. */
@@ -624,13 +624,15 @@ static_assert(offsetof(hilare_truth, x_m) == 8, "laid out otherwise here");
 static_assert(offsetof(hilare_truth, y_m) == 16, "laid out otherwise here");
 static_assert(offsetof(hilare_truth, theta_rad) == 24, "laid out otherwise here");
 
-#define HILARE_HEALTH_NAME "hilare/Health/v2"
+#define HILARE_HEALTH_NAME "hilare/Health/v3"
 
 /* How a process fares, 20 times a second. */
 typedef struct hilare_health {
     HILARE_TYPE_NAME(HILARE_HEALTH_NAME)
     /* Its slot in the system. */
     uint64_t slot;
+    /* Its box: the code of a Role(crate::wires::Role). */
+    uint64_t role;
     /* Its process id. */
     uint64_t pid;
     /* A HealthState. */
@@ -647,15 +649,16 @@ typedef struct hilare_health {
     char text[160];
 } hilare_health;
 
-static_assert(sizeof(hilare_health) == 216, "laid out otherwise here");
+static_assert(sizeof(hilare_health) == 224, "laid out otherwise here");
 static_assert(offsetof(hilare_health, slot) == 0, "laid out otherwise here");
-static_assert(offsetof(hilare_health, pid) == 8, "laid out otherwise here");
-static_assert(offsetof(hilare_health, state) == 16, "laid out otherwise here");
-static_assert(offsetof(hilare_health, tick) == 24, "laid out otherwise here");
-static_assert(offsetof(hilare_health, steps) == 32, "laid out otherwise here");
-static_assert(offsetof(hilare_health, rejected) == 40, "laid out otherwise here");
-static_assert(offsetof(hilare_health, path_id) == 48, "laid out otherwise here");
-static_assert(offsetof(hilare_health, text) == 56, "laid out otherwise here");
+static_assert(offsetof(hilare_health, role) == 8, "laid out otherwise here");
+static_assert(offsetof(hilare_health, pid) == 16, "laid out otherwise here");
+static_assert(offsetof(hilare_health, state) == 24, "laid out otherwise here");
+static_assert(offsetof(hilare_health, tick) == 32, "laid out otherwise here");
+static_assert(offsetof(hilare_health, steps) == 40, "laid out otherwise here");
+static_assert(offsetof(hilare_health, rejected) == 48, "laid out otherwise here");
+static_assert(offsetof(hilare_health, path_id) == 56, "laid out otherwise here");
+static_assert(offsetof(hilare_health, text) == 64, "laid out otherwise here");
 
 #define HILARE_JOURNAL_NAME "hilare/Journal/v1"
 

@@ -627,6 +627,8 @@ class Health(ctypes.Structure):
     _fields_ = [
         # Its slot in the system.
         ("slot", ctypes.c_uint64),
+        # Its box: the code of a Role(crate::wires::Role).
+        ("role", ctypes.c_uint64),
         # Its process id.
         ("pid", ctypes.c_uint64),
         # A HealthState.
@@ -646,20 +648,21 @@ class Health(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """What iceoryx2 calls it."""
-        return "hilare/Health/v2"
+        return "hilare/Health/v3"
 
 
 _check(
     Health,
-    216,
+    224,
     slot=0,
-    pid=8,
-    state=16,
-    tick=24,
-    steps=32,
-    rejected=40,
-    path_id=48,
-    text=56,
+    role=8,
+    pid=16,
+    state=24,
+    tick=32,
+    steps=40,
+    rejected=48,
+    path_id=56,
+    text=64,
 )
 
 
@@ -750,7 +753,7 @@ TRUTH = Wire("hilare/truth", Truth, None, "e165266f143c0474 0.1.0")
 
 # planner, waypoint_selector, controller, step_generator, pose_estimator, plant, relay, recorder, operator
 # -> launch, relay, 20 Hz: state, reason, counters. Health.
-HEALTH = Wire("hilare/health", Health, None, "4d4e64cd50153a08 0.1.0")
+HEALTH = Wire("hilare/health", Health, None, "a66ca2bcb1b46bb7 0.1.0")
 
 # relay -> recorder, operator, observers, on demand: a point to go to, or waypoints to follow. GoalHeader,
 # then Waypoints.
@@ -794,7 +797,7 @@ WATCH_POSE = Wire("hilare/watch/pose", Pose, None, "2fa61ce500ab69a3 0.1.0")
 WATCH_TRUTH = Wire("hilare/watch/truth", Truth, None, "e165266f143c0474 0.1.0")
 
 # relay -> recorder, operator, observers, 20 Hz: state, reason, counters. Health.
-WATCH_HEALTH = Wire("hilare/watch/health", Health, None, "4d4e64cd50153a08 0.1.0")
+WATCH_HEALTH = Wire("hilare/watch/health", Health, None, "a66ca2bcb1b46bb7 0.1.0")
 
 # relay -> recorder, operator, observers, on demand: what each box took from outside, and at which tick:
 # what a replay needs beside the wires. Journal.

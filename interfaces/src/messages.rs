@@ -269,9 +269,11 @@ wire_message! {
 
 wire_message! {
     /// How a process fares, 20 times a second.
-    Health = "hilare/Health/v2" {
+    Health = "hilare/Health/v3" {
         /// Its slot in the system.
         slot: u64,
+        /// Its box: the code of a [`Role`](crate::wires::Role).
+        role: u64,
         /// Its process id.
         pid: u64,
         /// A [`HealthState`].

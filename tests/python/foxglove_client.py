@@ -24,7 +24,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 PATIENCE_S = 60
-LOOKED_AT = {"/odom", "/tf", "/path", "/cmd_vel", "/diagnostics", "/cross_track_error", "/reference", "/hilare/pose"}
+LOOKED_AT = {"/odom", "/tf", "/path", "/cmd_vel", "/diagnostics", "/cross_track_error", "/reference", "/hilare/pose", "/map", "/footprint"}
 STANDARD = get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -85,7 +85,17 @@ async def look(url):
     path = STANDARD.deserialize_cdr(seen["/path"][1], "nav_msgs/msg/Path")
     at, twist = odom.pose.pose, odom.twist.twist
     assert (at.position.x, at.position.y) == (decoded["/odom"].pose.pose.position.x, decoded["/odom"].pose.pose.position.y)
+    grid = STANDARD.deserialize_cdr(seen["/map"][1], "nav_msgs/msg/OccupancyGrid")
+    footprint = STANDARD.deserialize_cdr(seen["/footprint"][1], "geometry_msgs/msg/PolygonStamped")
+    width, cell_m, corner = grid.info.width, grid.info.resolution, grid.info.origin.position
+    occupied = [index for index, value in enumerate(grid.data) if value == 100]
+    assert len(grid.data) == width * grid.info.height and grid.header.frame_id == "map"
     return {
+        "map_m": [corner.x, corner.y, width * cell_m, grid.info.height * cell_m],
+        "occupied_m2": len(occupied) * cell_m**2,
+        "occupied_from_m": corner.y + occupied[0] // width * cell_m,
+        "footprint_frame": footprint.header.frame_id,
+        "footprint_m": round(max(math.hypot(p.x, p.y) for p in footprint.polygon.points), 6),
         "name": info["name"],
         "session": info["sessionId"],
         "topics": sorted(channel["topic"] for channel in channels.values()),

@@ -183,9 +183,16 @@ def views(wires):
     status = [array.status[0] for array in wires["/diagnostics"]]
     level = lambda value: value[0] if isinstance(value, bytes) else int(value)
     assert all(level(s.level) == 0 for s in status if s.name == "step_generator")
-    # Every process whose health was recorded, by its slot.
-    slots = {f"slot {m.slot}" for m in wires.get("/hilare/health", [])}
-    assert {s.name for s in status} == slots | {"step_generator"}
+    # Every process whose health was recorded, by its box and its slot.
+    healths = {(m.slot, m.role) for m in wires.get("/hilare/health", [])}
+    named = {tuple(s.name.removesuffix(")").split(" (slot ")) for s in status} - {("step_generator",)}
+    assert {int(slot) for _, slot in named} == {slot for slot, _ in healths} and len(named) == len(healths), named
+    role = dict(healths)
+    assert len({(name, role[int(slot)]) for name, slot in named}) == len({name for name, _ in named})
+    # What it keeps clear of obstacles, around it.
+    for footprint in wires["/footprint"]:
+        assert footprint.header.frame_id == "base_link"
+        assert all(abs(math.hypot(p.x, p.y) - 0.037) < 1e-6 for p in footprint.polygon.points)
     return {"path_poses": len(told), "driving": sum(s.message == "driving" for s in status)}
 
 

@@ -353,6 +353,25 @@ fn robots_of_other_sizes_are_not_warned_of() {
     }
 }
 
+/// The one default that is no robot's but the e-puck's.
+#[test]
+fn a_map_and_the_size_of_another_robot_are_warned_of() {
+    for (name, wheels_m) in [("epuck", 0.027), ("cart", 0.2), ("agv", 0.3905)] {
+        let mut system = System::load(name).expect("built in");
+        system.set("planner.map=platform").expect("built in");
+        assert_eq!(system.warnings(), [] as [String; 0], "{name}");
+        system.set("planner.robot_radius_m=0.02").expect("within its bounds");
+        let warnings = system.warnings();
+        let wanted =
+            format!("planner.robot_radius_m = 0.02 m is less than the robot's wheels take, {wheels_m} m");
+        assert!(warnings.iter().any(|warning| warning.contains(&wanted)), "{name}: {warnings:?}");
+    }
+    let own = "[chassis]\ntrack_m = 0.2\nwheel_diameter_m = 0.065\n[planner]\nmap = \"platform\"\n";
+    let warnings = System::parse("own.toml", own).expect("a robot").warnings();
+    let wanted = "own.toml:5: planner.robot_radius_m = 0.037 m is less than the robot's wheels take, 0.1 m from its middle";
+    assert!(warnings.iter().any(|warning| warning.starts_with(wanted)), "{warnings:?}");
+}
+
 /// A warning stands where the value was written, the last time.
 #[test]
 fn warnings_name_the_place_and_the_unit() {

@@ -73,7 +73,28 @@ pub(super) fn warnings(system: &System) -> Vec<String> {
         let most = if usual.most.is_finite() { usual.most } else { spec.max };
         line(place, usual.key, spec.unit, value, usual.least, most, usual.beside)
     });
-    lines.collect()
+    lines.chain(too_small(system)).collect()
+}
+
+/// The one default that is judged: of a planner that takes a robot for an e-puck.
+fn too_small(system: &System) -> Option<String> {
+    let (radius_m, wheels_m) = (system.planner.robot_radius_m, wheels_m(system));
+    let place = system.places.of("planner.robot_radius_m").or_else(|| system.places.of("planner.map"))?;
+    (!system.map.is_empty() && radius_m < wheels_m).then(|| {
+        format!(
+            "{place}: planner.robot_radius_m = {radius_m} m is less than the robot's wheels take, {} m from its middle: \
+             what is near a wall or an obstacle is taken for free",
+            short(wheels_m)
+        )
+    })
+}
+
+/// From the middle to the contacts of the wheels, m.
+fn wheels_m(system: &System) -> f64 {
+    match &system.chassis {
+        Chassis::Differential(p) => 0.5 * p.track_m,
+        Chassis::Mecanum(p) => p.half_wheelbase_m.hypot(p.half_track_m),
+    }
 }
 
 /// The line about a value, if it is unusual. Zero stands for "none" wherever it is allowed.

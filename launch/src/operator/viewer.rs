@@ -26,16 +26,17 @@ use tracing::{info, warn};
 
 /// Messages of a channel a second, at most, of wires that have one a tick or a control period.
 const MAX_HZ: u64 = 30;
-/// Time between two words about sites that were refused.
+/// Time between two words about a site that was refused.
 const WARN_EVERY: Duration = Duration::from_secs(10);
+/// Sites that are told apart in it: whoever makes up more does not fill the log.
+const MAX_SITES: usize = 8;
 
 /// Makes what is seen of what the relay repeats.
 pub struct Viewer {
     taps: Vec<Box<dyn Tap>>,
     stride: u64,
     views: ros::Views,
-    /// Since the first message.
-    dating: Option<Dating>,
+    dating: Dating,
     feed: Arc<Feed>,
     /// What has come: its time, whether it is shown itself, and what it is.
     heard: Vec<(u64, bool, Entry)>,
@@ -64,7 +65,7 @@ impl Viewer {
         let guard = Guard {
             door: Arc::clone(door),
             origins: system.foxglove_origins.split_whitespace().map(str::to_owned).collect(),
-            warned: Mutex::new(None),
+            warned: Mutex::default(),
         };
         let taps = taps(&worker.domain)?;
         let served = Arc::clone(&feed);
@@ -78,8 +79,8 @@ impl Viewer {
         Ok(Some(Self {
             taps,
             stride,
-            views: ros::Views::new(stride, system.chassis.wheels(), system.count_rad()),
-            dating: None,
+            views: ros::Views::new(stride, ros::Body::of(system)),
+            dating: Dating::default(),
             feed,
             heard: Vec::new(),
             cdr: Vec::new(),
@@ -96,7 +97,7 @@ impl Viewer {
             for _ in 0..recorded.wire.buffer {
                 let any = tap.hear(&mut |message| {
                     let tick = message.tick();
-                    let time_ns = dating.get_or_insert_with(Dating::begin).of(tick);
+                    let time_ns = dating.of(tick);
                     let shown = !thinned || tick.is_some_and(|tick| tick.is_multiple_of(*stride));
                     // How far the robot is from the path goes by the newest of these.
                     if shown || matches!(message, Heard::Reference(_)) {
@@ -152,7 +153,8 @@ pub fn url(address: &str) -> String {
 struct Guard {
     door: Arc<Door>,
     origins: Vec<String>,
-    warned: Mutex<Option<Instant>>,
+    /// Who was refused, and when that was said.
+    warned: Mutex<Vec<(String, Instant)>>,
 }
 
 impl Gate for Guard {
@@ -163,16 +165,27 @@ impl Gate for Guard {
     fn lets_in(&self, origin: &str) -> bool {
         let known = self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin));
         // Whoever is refused is told nothing by the browser.
-        let mut warned = super::lock(&self.warned);
-        if !known && warned.is_none_or(|last| last.elapsed() >= WARN_EVERY) {
-            *warned = Some(Instant::now());
-            let origin: String = plain(origin).chars().take(80).collect();
+        let origin: String = plain(origin).chars().take(80).collect();
+        if !known && self.is_to_be_told(&origin) {
             warn!(
                 "the live view: a web page of {origin:?} wanted to look and was refused; if it is yours, name it in \
                  operator.foxglove_origins"
             );
         }
         known
+    }
+}
+
+impl Guard {
+    /// True if it has not been said of late that this site was refused.
+    fn is_to_be_told(&self, origin: &str) -> bool {
+        let mut warned = super::lock(&self.warned);
+        warned.retain(|(_, said)| said.elapsed() < WARN_EVERY);
+        let told = warned.len() < MAX_SITES && warned.iter().all(|(known, _)| known != origin);
+        if told {
+            warned.push((origin.to_owned(), Instant::now()));
+        }
+        told
     }
 }
 
@@ -194,7 +207,7 @@ mod tests {
         let guard = Guard {
             door: Arc::new(Door::open().expect("a thread")),
             origins: vec!["https://app.foxglove.dev".to_owned(), "file://".to_owned()],
-            warned: Mutex::new(None),
+            warned: Mutex::default(),
         };
         assert!(guard.lets_in("https://app.foxglove.dev") && guard.lets_in("file://"));
         for origin in
@@ -202,5 +215,18 @@ mod tests {
         {
             assert!(!guard.lets_in(origin), "{origin}");
         }
+    }
+
+    #[test]
+    fn every_site_that_is_refused_is_told_once_and_no_more_than_some() {
+        let guard = Guard {
+            door: Arc::new(Door::open().expect("a thread")),
+            origins: Vec::new(),
+            warned: Mutex::default(),
+        };
+        assert!(guard.is_to_be_told("http://a.example") && guard.is_to_be_told("http://b.example"));
+        assert!(!guard.is_to_be_told("http://a.example"));
+        let told = (0..100).filter(|n| guard.is_to_be_told(&format!("http://{n}.example"))).count();
+        assert_eq!(told, MAX_SITES - 2);
     }
 }

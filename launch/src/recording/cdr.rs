@@ -93,6 +93,17 @@ impl<'a> Writer<'a> {
         self.put(value.to_le_bytes());
     }
 
+    /// A real number of four bytes.
+    pub fn f32(&mut self, value: f32) {
+        self.put(value.to_le_bytes());
+    }
+
+    /// A list of signed bytes: its length, then they.
+    pub fn i8s(&mut self, values: &[i8]) {
+        self.u32(values.len() as u32);
+        self.out.extend(values.iter().map(|value| value.cast_unsigned()));
+    }
+
     /// Text: its length with the zero that ends it, then both.
     pub fn string(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);

@@ -1,6 +1,7 @@
 //! How to record.
 
 use super::RunInfo;
+use super::ros::Body;
 use crate::config::System;
 use crate::whole::write_whole;
 use hilare_interfaces::param_group;
@@ -37,10 +38,8 @@ pub struct Settings {
     pub queue_bytes: usize,
     /// Bytes of a chunk before it is compressed.
     pub chunk_bytes: u64,
-    /// Wheels of the robot, for what other tools are told.
-    pub wheels: usize,
-    /// Angle of a wheel a count, rad.
-    pub count_rad: f64,
+    /// What other tools are told of the robot.
+    pub body: Body,
     /// Wait for the disk rather than give messages up: virtual time.
     pub patient: bool,
     /// Who may read and write the files, if not as the umask says.
@@ -57,8 +56,7 @@ impl Settings {
             rotate_ns: rotate_s * 1_000_000_000,
             queue_bytes: (queue_mb * 1_000_000) as usize,
             chunk_bytes: chunk_kb * 1000,
-            wheels: system.chassis.wheels(),
-            count_rad: system.count_rad(),
+            body: Body::of(system),
             patient,
             mode: None,
         }

@@ -128,7 +128,7 @@ impl Tape {
             settings,
             sequences: [0; RECORDED.len()],
             dropped: [0; RECORDED.len()],
-            dating: Dating::begin(),
+            dating: Dating::default(),
             batch: Batch::default(),
             systems: None,
             queue: Some(queue),

@@ -1,6 +1,7 @@
 //! What only can be seen from inside: a disk that is slow, full, or gone.
 
 use super::part::Part;
+use super::ros::Body;
 use super::*;
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Pose, Steps};
@@ -15,8 +16,7 @@ fn settings(path: PathBuf) -> Settings {
         rotate_ns: 0,
         queue_bytes: 200_000,
         chunk_bytes: 50_000,
-        wheels: 2,
-        count_rad: 0.0065,
+        body: Body::default(),
         patient: false,
         mode: None,
     }

@@ -52,7 +52,7 @@ impl Writer {
         system: String,
         failed: Arc<AtomicBool>,
     ) -> Result<Self, RecordingError> {
-        let views = Views::new(info.period_ticks, settings.wheels, settings.count_rad);
+        let views = Views::new(info.period_ticks, settings.body.clone());
         let mut writer = Self {
             settings,
             info,
@@ -80,6 +80,7 @@ impl Writer {
         let mut part = Part::create(&path, &self.settings, &self.info, &self.system, &views)?;
         self.systems.iter().try_for_each(|(number, text)| part.write_system(*number, text))?;
         self.part = Some(part);
+        self.views.begin_again();
         self.info.part += 1;
         self.written.files.push(path);
         Ok(())

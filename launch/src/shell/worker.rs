@@ -335,6 +335,7 @@ impl Worker {
         let reason = if report.reason.is_empty() { self.refusal } else { report.reason };
         self.health.send(&Health {
             slot: self.assignment.slot as u64,
+            role: self.assignment.role.code(),
             pid: self.pid,
             state: state.code(),
             tick: report.tick,

@@ -5,11 +5,14 @@
 const RULE: &str = "================================================================================";
 
 /// Package and name, and the fields.
-const DEFINITIONS: [(&str, &str); 21] = [
+const DEFINITIONS: [(&str, &str); 26] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
     ("std_msgs/Float64", "float64 data\n"),
     ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
     ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/Point32", "float32 x\nfloat32 y\nfloat32 z\n"),
+    ("geometry_msgs/Polygon", "Point32[] points\n"),
+    ("geometry_msgs/PolygonStamped", "std_msgs/Header header\nPolygon polygon\n"),
     ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"),
     ("geometry_msgs/Quaternion", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"),
     ("geometry_msgs/Pose", "Point position\nQuaternion orientation\n"),
@@ -28,6 +31,12 @@ const DEFINITIONS: [(&str, &str); 21] = [
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n\
          geometry_msgs/TwistWithCovariance twist\n",
     ),
+    (
+        "nav_msgs/MapMetaData",
+        "builtin_interfaces/Time map_load_time\nfloat32 resolution\nuint32 width\nuint32 height\n\
+         geometry_msgs/Pose origin\n",
+    ),
+    ("nav_msgs/OccupancyGrid", "std_msgs/Header header\nMapMetaData info\nint8[] data\n"),
     ("nav_msgs/Path", "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n"),
     ("tf2_msgs/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
     (

@@ -3,6 +3,7 @@
 use super::messages::{Stamp, header};
 use crate::recording::cdr::Writer;
 use hilare_interfaces::messages::{Drive, Health, HealthState, Steps, field_text};
+use hilare_interfaces::wires::Role;
 
 const OK: u8 = 0;
 const WARN: u8 = 1;
@@ -33,7 +34,7 @@ pub fn of_steps(cdr: &mut Vec<u8>, stamp: Stamp, steps: &Steps) {
     array(cdr, stamp, level, ("step_generator", ""), drive.map_or(UNKNOWN, Drive::label), &values);
 }
 
-/// A process: its state and why, by its slot, which is the one thing it says of who it is.
+/// A process: its state and why, by its box; there may be several of one in different slots.
 pub fn of_health(cdr: &mut Vec<u8>, stamp: Stamp, health: &Health) {
     let state = HealthState::from_code(health.state);
     let level = match state {
@@ -51,7 +52,8 @@ pub fn of_health(cdr: &mut Vec<u8>, stamp: Stamp, health: &Health) {
         ("messages missing or refused", health.rejected),
         ("path", health.path_id),
     ];
-    let who = (&*format!("slot {}", health.slot), &*format!("pid {}", health.pid));
+    let role = Role::from_code(health.role).map_or(UNKNOWN, Role::name);
+    let who = (&*format!("{role} (slot {})", health.slot), &*format!("pid {}", health.pid));
     array(cdr, stamp, level, who, &message, &values);
 }
 

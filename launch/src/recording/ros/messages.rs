@@ -3,6 +3,7 @@
 use crate::recording::cdr::Writer;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{Steps, Waypoint};
+use hilare_planner::map::Grid;
 
 /// The world; the robot's odometry, which begins there; the robot.
 const MAP: &str = "map";
@@ -15,6 +16,8 @@ const FOUR_WHEELS: [&str; 4] =
 /// An arc is told in pieces that turn by so much at most, rad.
 const PIECE_RAD: f64 = 0.1;
 const MAX_PIECES: f64 = 64.0;
+/// A disc is told as a polygon.
+const DISC_CORNERS: u32 = 24;
 
 /// A time as ROS has it.
 #[derive(Clone, Copy, Debug)]
@@ -153,5 +156,28 @@ pub fn path(cdr: &mut Vec<u8>, stamp: Stamp, waypoints: &[Waypoint]) {
     for at in poses {
         header(to, stamp, MAP);
         pose(to, at);
+    }
+}
+
+/// nav_msgs/OccupancyGrid.
+pub fn occupancy_grid(cdr: &mut Vec<u8>, stamp: Stamp, origin: WorldPose, grid: &Grid) {
+    let to = &mut Writer::new(cdr);
+    header(to, stamp, MAP);
+    stamp.write(to);
+    to.f32(grid.resolution_m as f32);
+    to.u32(grid.width as u32);
+    to.u32(grid.height as u32);
+    pose(to, origin);
+    to.i8s(&grid.cells);
+}
+
+/// geometry_msgs/PolygonStamped: a disc around the robot.
+pub fn disc(cdr: &mut Vec<u8>, stamp: Stamp, radius_m: f64) {
+    let to = &mut Writer::new(cdr);
+    header(to, stamp, BASE);
+    to.u32(DISC_CORNERS);
+    for corner in 0..DISC_CORNERS {
+        let angle_rad = f64::from(corner) / f64::from(DISC_CORNERS) * std::f64::consts::TAU;
+        [angle_rad.cos(), angle_rad.sin(), 0.0].iter().for_each(|part| to.f32((radius_m * part) as f32));
     }
 }

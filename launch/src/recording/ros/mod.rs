@@ -15,6 +15,8 @@
 //! | `/cross_track_error/truth` | std_msgs/Float64 | the same of the true pose |
 //! | `/reference` | geometry_msgs/PoseStamped | current waypoint, when it changes and once a second |
 //! | `/path` | nav_msgs/Path | the path, arcs in short pieces |
+//! | `/map` | nav_msgs/OccupancyGrid | the planner's map, in at most 2048 × 2048 cells, once at the beginning |
+//! | `/footprint` | geometry_msgs/PolygonStamped | the disc that the planner keeps clear, ten times a second |
 //! | `/diagnostics` | diagnostic_msgs/DiagnosticArray | step generator and every process, once a second; states when they change |
 
 mod definitions;
@@ -23,18 +25,22 @@ mod messages;
 
 use super::part::View;
 use super::wires::Entry;
+use crate::config::System;
 use crate::look::wires::cross_track_m;
 use hilare_interfaces::block::{TICKS_PER_SECOND, Tick};
 use hilare_interfaces::geometry::{WorldPoint, WorldPose};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Health, Reference};
+use hilare_planner::map::Grid;
 use messages::{
-    Stamp, float64, joint_states, odometry, path, pose_stamped, transforms, twist_stamped, waypoint_pose,
+    Stamp, disc, float64, joint_states, occupancy_grid, odometry, path, pose_stamped, transforms,
+    twist_stamped, waypoint_pose,
 };
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 /// Topic and type of each view.
-const VIEWS: [(&str, &str); 10] = [
+const VIEWS: [(&str, &str); 12] = [
     ("/odom", "nav_msgs/Odometry"),
     ("/tf", "tf2_msgs/TFMessage"),
     ("/ground_truth", "geometry_msgs/PoseStamped"),
@@ -45,6 +51,8 @@ const VIEWS: [(&str, &str); 10] = [
     ("/diagnostics", "diagnostic_msgs/DiagnosticArray"),
     ("/cross_track_error", "std_msgs/Float64"),
     ("/cross_track_error/truth", "std_msgs/Float64"),
+    ("/map", "nav_msgs/OccupancyGrid"),
+    ("/footprint", "geometry_msgs/PolygonStamped"),
 ];
 
 const ODOM: usize = 0;
@@ -57,6 +65,13 @@ const PATH: usize = 6;
 const DIAGNOSTICS: usize = 7;
 const CROSS_TRACK: usize = 8;
 const CROSS_TRACK_TRUTH: usize = 9;
+const MAP: usize = 10;
+const FOOTPRINT: usize = 11;
+
+/// Most cells a side of the map.
+const MAP_SIDE: usize = 2048;
+/// Ticks from one footprint to the next, at least.
+const FOOTPRINT_TICKS: u64 = TICKS_PER_SECOND / 10;
 
 /// Twists kept for poses that come later, and the other way round; beyond, the wire of the others is silent.
 const MAX_WAITING: usize = 4096;
@@ -73,11 +88,42 @@ pub fn channels() -> Vec<View> {
     VIEWS.into_iter().map(view).collect()
 }
 
+/// What the standard messages tell of a robot that its wires do not.
+#[derive(Clone, Debug, Default)]
+pub struct Body {
+    /// Its wheels.
+    pub wheels: usize,
+    /// What a wheel turns by a count, rad.
+    pub count_rad: f64,
+    /// Of the disc that the planner keeps clear of obstacles, m.
+    pub radius_m: f64,
+    /// Where it drives, and the pose of its lower left corner, if it is known.
+    pub map: Option<Arc<(WorldPose, Grid)>>,
+}
+
+impl Body {
+    /// As a system file has it.
+    pub fn of(system: &System) -> Self {
+        // A map that cannot be loaded is the planner's complaint.
+        let map = system.load_map().ok().flatten();
+        Self {
+            wheels: system.chassis.wheels(),
+            count_rad: system.count_rad(),
+            radius_m: system.planner.robot_radius_m,
+            map: map.map(|map| {
+                let (frame, grid) = (map.frame(), map.grid(MAP_SIDE));
+                Arc::new((WorldPose::new(frame.origin().x_m, frame.origin().y_m, frame.yaw_rad()), grid))
+            }),
+        }
+    }
+}
+
 /// Makes them, message by message.
 pub struct Views {
     period_ticks: u64,
-    wheels: usize,
-    count_rad: f64,
+    body: Body,
+    map_is_told: bool,
+    footprint_told: Option<Tick>,
     /// Twists of control periods whose poses are to come, and poses whose twists are.
     twists: VecDeque<(Tick, [f64; 3])>,
     poses: VecDeque<(Tick, u64, WorldPose)>,
@@ -92,13 +138,14 @@ pub struct Views {
 }
 
 impl Views {
-    /// Views of a robot with so many wheels, which turn by `count_rad` a count.
-    pub fn new(period_ticks: u64, wheels: usize, count_rad: f64) -> Self {
+    /// Views of a robot.
+    pub fn new(period_ticks: u64, body: Body) -> Self {
         let period_ticks = period_ticks.max(1);
         Self {
             period_ticks,
-            wheels,
-            count_rad,
+            body,
+            map_is_told: false,
+            footprint_told: None,
             twists: VecDeque::new(),
             poses: VecDeque::new(),
             places: VecDeque::new(),
@@ -107,6 +154,11 @@ impl Views {
             told: None,
             cdr: Vec::new(),
         }
+    }
+
+    /// Whoever is told from now on has not been told the map.
+    pub fn begin_again(&mut self) {
+        self.map_is_told = false;
     }
 
     /// Every view of a message, with its time, as CDR to `write`.
@@ -119,11 +171,16 @@ impl Views {
             write(view, time_ns, &cdr);
         };
         let mut tell = |view: usize, make: &dyn Fn(&mut Vec<u8>)| tell_at(time_ns, view, make);
+        let map = self.body.map.as_ref().filter(|_| !self.map_is_told);
+        if let Some((origin, grid)) = map.map(Arc::as_ref) {
+            tell(MAP, &|cdr| occupancy_grid(cdr, stamp, *origin, grid));
+            self.map_is_told = true;
+        }
         match entry {
             Entry::Steps(steps) if self.is_due(steps.tick) => {
                 keep(&mut self.twists, (steps.tick, steps.twist));
                 tell(CMD_VEL, &|cdr| twist_stamped(cdr, stamp, steps.twist));
-                let (wheels, count_rad) = (self.wheels, self.count_rad);
+                let Body { wheels, count_rad, .. } = self.body;
                 tell(JOINT_STATES, &|cdr| joint_states(cdr, stamp, steps, wheels, count_rad));
                 if steps.tick.is_multiple_of(TICKS_PER_SECOND) {
                     tell(DIAGNOSTICS, &|cdr| diagnostics::of_steps(cdr, stamp, steps));
@@ -132,6 +189,11 @@ impl Views {
             Entry::Pose(pose) if self.is_due(pose.tick) => {
                 keep(&mut self.poses, (pose.tick, time_ns, pose.pose()));
                 tell(TF, &|cdr| transforms(cdr, stamp, pose.pose()));
+                if self.footprint_told.is_none_or(|told| pose.tick.abs_diff(told) >= FOOTPRINT_TICKS) {
+                    self.footprint_told = Some(pose.tick);
+                    let radius_m = self.body.radius_m;
+                    tell(FOOTPRINT, &|cdr| disc(cdr, stamp, radius_m));
+                }
                 keep(&mut self.places, (pose.tick, time_ns, CROSS_TRACK, pose.pose().position()));
             }
             Entry::Truth(truth) if self.is_due(truth.tick) => {

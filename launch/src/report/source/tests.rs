@@ -2,6 +2,7 @@
 
 use super::PastRun;
 use crate::config::{Scenario, Task};
+use crate::recording::ros::Body;
 use crate::recording::{Heard, RunInfo, Settings, Tape};
 use crate::report::pictures::{PICTURES, write_plots};
 use crate::report::{Counters, PlotInput, RunIdentity, Summary, write_report};
@@ -29,8 +30,7 @@ fn driven(dir: &Path, changes: &[&str]) -> (RunRecord, Vec<Waypoint>) {
         queue_bytes: 1 << 20,
         chunk_bytes: 1 << 20,
         patient: true,
-        wheels: system.chassis.wheels(),
-        count_rad: 0.0,
+        body: Body::default(),
         mode: None,
     };
     let info = RunInfo {

@@ -13,6 +13,7 @@
 
 pub(crate) mod error;
 mod frame;
+mod grid;
 pub mod moving_ai;
 pub mod obstacles;
 pub(crate) mod occupancy;
@@ -23,6 +24,7 @@ pub mod ros;
 
 pub use error::MapError;
 pub use frame::{GridPoint, MapFrame};
+pub use grid::Grid;
 pub use obstacles::{MapJob, Obstacle};
 pub use picture::Picture;
 
