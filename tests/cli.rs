@@ -159,9 +159,10 @@ fn bad_system_and_scenario_files() {
 fn wrong_use() {
     let lab = Lab::new();
     let run: &[&str] = &["hilare run --help"];
-    let cases: [(&[&str], &[&str]); 19] = [
+    let cases: [(&[&str], &[&str]); 20] = [
         (&["rum", "so"], &["rum", "hilare --help"]),
         (&["--bogus"], &["--bogus", "hilare --help"]),
+        (&["--robot", "mule", "status"], &["--robot goes behind the verb: hilare status --robot"]),
         (&["run"], run),
         (&["run", "so", "trapezoid"], run),
         (&["run", "so", "--bogus"], run),

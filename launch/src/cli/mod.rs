@@ -30,6 +30,7 @@ mod up;
 
 use crate::manager::Failure;
 use crate::manager::children::name_this_process;
+use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -289,7 +290,14 @@ fn usage(error: &clap::Error) -> ExitCode {
         .replace("invalid float literal", "a number is wanted, e.g. 0.5")
         .replace("cannot parse float from empty string", "a number is wanted, e.g. 0.5")
         .replace("invalid digit found in string", "a whole number is wanted, e.g. 5");
-    let verb = std::env::args().nth(1).filter(|word| Cli::command().find_subcommand(word).is_some());
+    let is_verb = |word: &String| Cli::command().find_subcommand(word).is_some();
+    let first = std::env::args().nth(1).unwrap_or_default();
+    let later = std::env::args().skip(2).find(is_verb).filter(|_| first.starts_with("--"));
+    if let Some(verb) = later.filter(|_| error.kind() == ErrorKind::UnknownArgument) {
+        let _ = writeln!(io::stderr(), "hilare: {first} goes behind the verb: hilare {verb} {first} …");
+        return ExitCode::from(2);
+    }
+    let verb = Some(first).filter(is_verb);
     let help = verb.map_or_else(|| "hilare --help".to_owned(), |verb| format!("hilare {verb} --help"));
     let _ = writeln!(io::stderr(), "hilare: {what}; see {help}");
     ExitCode::from(2)

@@ -5,6 +5,7 @@ use hilare_operator::address::parse;
 use std::fs;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
 
 /// A listening socket, in the state column of /proc/net/tcp.
 const LISTENING: &str = "0A";
@@ -77,12 +78,23 @@ fn listeners(table: &str, port: u16) -> Vec<u64> {
     table.lines().skip(1).filter_map(listener).collect()
 }
 
-/// Name and first arguments of a process, in a line.
+/// Whose page it is, or name and first arguments of a process, in a line.
 fn command(pid: u32) -> String {
     let bytes = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-    let words = String::from_utf8_lossy(&bytes).replace('\0', " ");
-    let line = crate::logging::plain(words.trim());
+    let text = String::from_utf8_lossy(&bytes);
+    let words: Vec<&str> = text.split('\0').collect();
+    if let Some(robot) = robot_of(&words) {
+        return format!("the page of robot {:?}", crate::logging::plain(robot));
+    }
+    let line = crate::logging::plain(words.join(" ").trim());
     if line.is_empty() { "a program".to_owned() } else { line.chars().take(80).collect() }
+}
+
+/// The robot whose operator was started with these words.
+fn robot_of<'w>(words: &[&'w str]) -> Option<&'w str> {
+    let [_, "service", "operator", arguments @ ..] = words else { return None };
+    let dir = *arguments.iter().skip_while(|word| **word != "--runtime-dir").nth(1)?;
+    Path::new(dir).file_name()?.to_str()
 }
 
 #[cfg(test)]
@@ -99,6 +111,15 @@ mod tests {
         drop(taken);
         assert_eq!(check(LISTEN, &address.to_string()), Ok(()));
         assert_eq!(check(LISTEN, ""), Ok(()));
+    }
+
+    #[test]
+    fn another_robots_page_is_called_by_the_robots_name() {
+        let words =
+            ["/opt/hilare", "service", "operator", "--runtime-dir", "/run/hilare/mule", "--slot", "7"];
+        assert_eq!(robot_of(&words), Some("mule"));
+        assert_eq!(robot_of(&["python3", "service", "relay", "--runtime-dir", "/run/hilare/mule"]), None);
+        assert_eq!(robot_of(&["/opt/hilare", "service", "operator"]), None);
     }
 
     #[test]
