@@ -5,8 +5,9 @@
 
 use super::damage::{self, attachment};
 use super::info::{RunInfo, first_of, parts_there};
+use super::standings::Standings;
 use super::wires::{Entry, RECORDED, place_of};
-use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
+use super::{METADATA, RECORDING_FILE, RecordingError, STANDINGS_ATTACHMENT, SYSTEM_ATTACHMENT};
 use crate::shell::worker::system_number;
 use mcap::McapError;
 use mcap::records::{Record, op};
@@ -31,6 +32,19 @@ pub struct Recording {
     info: RunInfo,
     system: Option<String>,
     unfinished: Option<PathBuf>,
+}
+
+fn has(data: &[u8], text: &str) -> bool {
+    data.windows(text.len()).any(|part| part == text.as_bytes())
+}
+
+/// Files in a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Inside {
+    /// Numbered system files its processes have read.
+    pub systems: BTreeMap<u64, String>,
+    /// Where each box stood when it was begun; or why that cannot be used.
+    pub standings: Option<Result<Standings, String>>,
 }
 
 /// A message and when it was.
@@ -90,23 +104,32 @@ impl Recording {
         self.system.as_deref()
     }
 
-    /// The numbered system files its processes have read, by number; what a file lost with its end is missing.
-    pub fn numbered_systems(&self) -> Result<BTreeMap<u64, String>, RecordingError> {
-        let mut systems = BTreeMap::new();
+    /// The files in it by name, but for the system file; what a file lost with its end is missing.
+    pub fn inside(&self) -> Result<Inside, RecordingError> {
+        let mut inside = Inside::default();
         for part in &self.parts {
             let mut records = Records::open(part, true)?;
             let mut keep = |opcode, data: &[u8]| {
-                let found = (opcode == op::ATTACHMENT).then(|| attachment(data)).flatten();
-                if let Some((name, text)) = found
-                    && let Some(number) = system_number(&name)
-                {
-                    systems.insert(number, text);
+                let file = opcode == op::ATTACHMENT;
+                let found = file.then(|| attachment(data)).flatten();
+                match found {
+                    Some((name, text)) if name == STANDINGS_ATTACHMENT => {
+                        inside.standings = Some(Standings::of_text(&text));
+                    }
+                    Some((name, text)) => {
+                        inside.systems.extend(system_number(&name).map(|number| (number, text)));
+                    }
+                    // Its lengths or its checksum are wrong, its name may be right.
+                    None if file && has(data, STANDINGS_ATTACHMENT) => {
+                        inside.standings = Some(Err("is damaged".to_owned()));
+                    }
+                    None => {}
                 }
                 Ok(())
             };
             while records.next(&mut keep)?.is_some() {}
         }
-        Ok(systems)
+        Ok(inside)
     }
 
     /// The first file that has no end: what came after its last whole chunk is lost.

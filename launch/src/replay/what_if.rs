@@ -123,7 +123,7 @@ pub fn compare(log: RunLog, set: &[String], law: Option<&'static LawSpec>) -> Re
     check_keys(set)?;
     let period = |log: &RunLog| log.first_system().map_or(1, |system| system.timing.period_ticks);
     let recorded = recorded(&log, period(&log));
-    let (_, lost) = controller::replay(&log, &mut States::new(&log.lives), false);
+    let (_, lost) = controller::replay(&log, &mut States::new(&log), false);
     let mut notes = log.overruled(set);
     let changed_log = log.changed(set, law)?;
     let changed = drive(&changed_log, &lost)?;

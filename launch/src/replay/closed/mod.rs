@@ -144,7 +144,7 @@ impl<'l> Drive<'l> {
         let controllers = Driving::all(log, period_ticks);
         Ok(Self {
             as_recorded: outside.references.is_as_recorded(),
-            states: States::new(&log.lives),
+            states: States::new(log),
             planning: Planning::new(log),
             selecting: Selecting::new(log),
             controllers,
