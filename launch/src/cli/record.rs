@@ -149,10 +149,10 @@ impl Asking {
 }
 
 fn in_words((standings, silent): &Told) -> String {
-    let from = standings.stands.iter().filter_map(|stand| stand.done).max();
+    let from = standings.stands.iter().filter_map(|stand| stand.done).max().filter(|tick| *tick > 0);
     let what = match from {
         Some(tick) => format!("a replay of it compares every box from tick {tick} on"),
-        None => "a replay of it compares every box".to_owned(),
+        None => "a replay of it compares every box, and can drive again with changes".to_owned(),
     };
     match &silent[..] {
         [] => what,

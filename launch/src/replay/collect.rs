@@ -93,7 +93,7 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
     let title = Title { name, clock };
     let log = RunLog::begun_in_mid_drive(title, systems, collector.into_messages(), standings);
     let from = log.lives.all.iter().filter(|life| life.met.is_some()).filter_map(Life::done);
-    if let Some(last) = from.max() {
+    if let Some(last) = from.max().filter(|last| *last > 0) {
         notes.push(format!(
             "begun when the robot was up: each box goes on from where it stood at tick {last} or just before; what it \
              said until then is not compared"

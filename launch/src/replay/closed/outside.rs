@@ -86,7 +86,16 @@ pub fn begins_whole(log: &RunLog) -> Result<(), String> {
     let needed =
         [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
     for role in needed {
-        let first = log.lives.all.iter().any(|life| life.role == role && life.state.is_none());
+        // One that was met before the robot was armed stood at tick 0, where all of them begin.
+        let of_role = log.lives.of_role(role);
+        let first = of_role.iter().any(|life| life.done().is_none_or(|done| done == 0));
+        let met = of_role.iter().filter(|life| life.met.is_some()).filter_map(|life| life.done()).max();
+        if let Some(tick) = met.filter(|tick| *tick > 0) {
+            return Err(format!(
+                "the recording begins in mid-drive, at tick {tick}: to drive again takes one from the start (hilare run, \
+                 or hilare record before hilare arm); --box controller shows what a controller would have answered"
+            ));
+        }
         let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
         let foreign = role == Role::Controller && !log.commands.is_empty();
         if (!first && !foreign) || earlier {
