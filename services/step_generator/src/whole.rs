@@ -4,7 +4,7 @@
 //! in the very motion: with authority, commands that wait, what acts, and the wheels' speeds.
 
 use crate::{COUNTED_MAX, StepGenerator};
-use hilare_interfaces::messages::Drive;
+use hilare_interfaces::messages::Steps;
 use hilare_interfaces::state::{StateWords, Stateful};
 
 /// A step generator in motion.
@@ -19,16 +19,14 @@ impl Stateful for Whole<'_> {
         generator.gate.visit_drive(words);
         generator.handover.visit_state(words);
         words.twist(&mut generator.twist);
-        let state = &mut generator.state;
-        words.finite(&mut state.wheel_speed_radps);
-        words.word(&mut state.drive);
-        words.require(Drive::from_code(state.drive).is_some());
-        if words.is_loading() && words.is_sound() {
-            let twist = generator.twist;
-            state.twist = [twist.vx_mps, twist.vy_mps, twist.omega_radps];
-            // What hangs on them; the speeds themselves are those that were told.
-            generator.pulses.set_speeds(generator.chassis.wheel_speeds(twist));
-            generator.gate.report(state);
+        let counted =
+            |state: &Steps| [state.tick, state.ticks_late, state.paused_ticks, state.paused_max_ticks];
+        // As it was told last: what was taken in since shows in the next message only.
+        let before = counted(&generator.state);
+        words.message(&mut generator.state);
+        words.require(counted(&generator.state) == before);
+        if words.is_loading() {
+            generator.pulses.set_speeds(generator.chassis.wheel_speeds(generator.twist));
         }
     }
 }
