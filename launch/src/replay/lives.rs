@@ -171,6 +171,11 @@ impl Life {
         }
     }
 
+    /// True if a drive can begin with it: it has no predecessor, or its recording knows where it stood.
+    pub fn begins_whole(&self) -> bool {
+        self.state.is_none() || self.met.is_some()
+    }
+
     /// The tick of the state it went on from: what it has answered, or rather its predecessor.
     pub fn done(&self) -> Option<Tick> {
         self.state.map(|(_, tick)| tick)

@@ -151,6 +151,8 @@ pub struct RunLog {
     pub lives: Lives,
     /// What those remembered that were at work when it began.
     pub met: Vec<Met>,
+    /// The tick from which on it can be driven again; 0 if it has the beginning.
+    pub begin: Tick,
     /// The last tick of which there are steps.
     pub end: Tick,
     /// The last tick of which there is an entry in a journal: the end of a recording may lack those that follow.
@@ -191,6 +193,7 @@ impl RunLog {
         Self {
             title,
             met,
+            begin: 0,
             systems,
             goals: messages.goals,
             answers: messages.answers,

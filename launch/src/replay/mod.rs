@@ -58,7 +58,7 @@ pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
             Role::Controller => std::mem::take(&mut of_controllers),
             Role::StepGenerator => vec![boxes::step_generator::replay(log, &mut states, &lost, measures)],
             Role::PoseEstimator => vec![boxes::pose_estimator::replay(log, &mut states, measures)],
-            _ => vec![boxes::plant::replay(log, &states, measures)],
+            _ => vec![boxes::plant::replay(log, &mut states, measures)],
         };
         let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
         // A box may have taken nothing from outside since; a path needs no planner.

@@ -34,6 +34,11 @@ impl States {
         Self { wanted: log.lives.wanted_states(), kept, room: Box::new([0; STATE_WORDS]) }
     }
 
+    /// Wants the state of a place after a tick, too.
+    pub fn want(&mut self, place: Option<(u64, Tick)>) {
+        self.wanted.extend(place);
+    }
+
     /// True if a successor went on from the state of this place after this tick.
     pub fn wants(&self, slot: u64, tick: Tick) -> bool {
         self.wanted.contains(&(slot, tick))
@@ -87,6 +92,11 @@ impl Met {
     /// From where it stood; nothing of one that had answered nothing.
     pub fn of(stand: Stand, lives: &Lives, systems: &BTreeMap<u64, System>) -> Option<Self> {
         let life = lives.all.iter().find(|life| life.met.is_some() && life.slot == stand.slot)?;
+        Some(Self { words: stand.words, ..Self::at(life, life.state?, systems)? })
+    }
+
+    /// Of a process after a tick; what it remembered is still to come.
+    pub fn at(life: &Life, place: (u64, Tick), systems: &BTreeMap<u64, System>) -> Option<Self> {
         let system = systems.get(&life.system)?.clone();
         let key = match life.role {
             Role::StepGenerator => key_of(MOVING),
@@ -94,7 +104,14 @@ impl Met {
             Role::Controller => state_key(&system, life.law?),
             role => key_of(role),
         };
-        Some(Self { place: life.state?, key, system, law: life.law, words: stand.words })
+        Some(Self { place, key, system, law: life.law, words: Vec::new() })
+    }
+
+    /// With what was kept of it.
+    pub fn with(self, states: &States) -> Option<Self> {
+        let mut kept = states.kept.get(&self.place)?.iter();
+        let words = kept.find(|(key, _)| *key == self.key)?.1.clone();
+        Some(Self { words, ..self })
     }
 
     /// A controller of the same law with other parameters goes on from it, as at a change of parameters; one of

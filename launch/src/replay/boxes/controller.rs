@@ -117,7 +117,7 @@ impl<'l> AtWork<'l> {
     }
 
     /// Goes on from a state; one that was at work when the recording began also with other parameters than it had.
-    fn go_on(&mut self, states: &States, from: (u64, Tick)) -> Result<(), String> {
+    pub fn go_on(&mut self, states: &States, from: (u64, Tick)) -> Result<(), String> {
         let loaded = states.load(from, self.key, &mut self.controller);
         let Some(number) = self.life.met else { return loaded };
         if loaded.is_err() {

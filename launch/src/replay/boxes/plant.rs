@@ -14,7 +14,7 @@ use hilare_interfaces::wires::Role;
 use hilare_plant::{Observed, Plant};
 
 /// Replays it. A simulated robot has no successor: its death is the end of the robot.
-pub fn replay(log: &RunLog, states: &States, measures: bool) -> BoxReport {
+pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
     let mut report = BoxReport::new(Role::Plant);
     let mut truths = Ledger::new(log.truths.all(), measures);
     let mut wheels: Ledger<'_, Wheels> = Ledger::new(log.wheels.all(), measures);
@@ -35,6 +35,7 @@ pub fn replay(log: &RunLog, states: &States, measures: bool) -> BoxReport {
             let ticks = rising([log.truths.ticks(before, to), log.wheels.ticks(before, to)].concat());
             walk(&mut walker, next, 1, &ticks, &log.truths, |truth, walker| {
                 let tick = truth.tick;
+                states.keep(life.slot, tick, key_of(Role::Plant), &mut walker.plant);
                 truths.make(log.truths.places(tick), truth);
                 let seen = walker.seen.iter().find(|seen| sensors && seen.truth.tick == tick).copied();
                 walker.seen.retain(|seen| seen.truth.tick > tick);

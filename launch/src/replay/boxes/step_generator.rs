@@ -138,6 +138,7 @@ fn replay_life(
         *tick = steps.tick;
         ledger.make(log.steps.places(steps.tick), &steps);
         states.keep(life.slot, steps.tick, key, generator);
+        states.keep(life.slot, steps.tick, key_of(MOVING), &mut Whole(generator));
     };
     let from = tick;
     let mut fault = None;
