@@ -256,7 +256,7 @@ fn driven_again(midway: &Midway) {
     // Of the last moment one wire may have more than another.
     let seconds = ["recorded", "changed"].map(|which| number(&same[which], "duration_s"));
     assert!(seconds[0] > 0.3 && (seconds[0] - seconds[1]).abs() < 0.1, "{same:#}");
-    for change in [["--set", "tracking.speed_mps=0.005"], ["--controller", "stanley"]] {
+    for change in [["--set", "limits.v_max_mps=0.01"], ["--controller", "stanley"]] {
         let other = drive(&change);
         assert_ne!(other["parted"], Value::Null, "{other:#}");
     }
