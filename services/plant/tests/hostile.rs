@@ -74,7 +74,9 @@ fn in_mid_drive_a_copy_goes_on_to_the_same_bits() {
             wheel_speed_radps: [1.0 + (tick % 7) as f64, 1.5, 0.5, -0.25 * (tick % 5) as f64],
             ..Steps::ZERO
         };
-        (0..400).for_each(|tick| drop(plant.step(tick, &steps(tick))));
+        for tick in 0..400 {
+            plant.step(tick, &steps(tick));
+        }
         let mut room = [0; STATE_WORDS];
         let used = plant.save_state(&mut room).expect("room");
         let mut copy = plants().into_iter().nth(n).expect("a plant");
