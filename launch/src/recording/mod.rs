@@ -8,7 +8,7 @@
 //! * [`wires`]: what is recorded, the one table; a channel `/hilare/<wire>` each, every message, bit for bit.
 //! * [`schemas`], [`cdr`]: how our messages are told and laid out (`ros2msg`, CDR).
 //! * [`ros`]: standard ROS 2 messages made of them, once a control period: `/odom`, `/tf`, `/path`, …
-//! * [`standings`]: where each box stood when a recording was begun in mid-drive.
+//! * [`inside`], [`standings`]: files in it, and where each box stood when a recording was begun in mid-drive.
 //! * [`dating`]: when a message was.
 //! * [`tape`]: the end that never waits for the disk; [`part`]: one file; [`audit`]: what is missing.
 //! * [`reader`]: a recording read back, message by message.
@@ -24,6 +24,7 @@ pub mod cdr;
 mod damage;
 pub mod dating;
 pub mod info;
+pub mod inside;
 pub mod part;
 pub mod reader;
 pub mod ros;

@@ -5,10 +5,9 @@
 
 use super::damage::{self, attachment};
 use super::info::{RunInfo, first_of, parts_there};
-use super::standings::Standings;
+use super::inside::Inside;
 use super::wires::{Entry, RECORDED, place_of};
-use super::{METADATA, RECORDING_FILE, RecordingError, STANDINGS_ATTACHMENT, SYSTEM_ATTACHMENT};
-use crate::shell::worker::system_number;
+use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -32,19 +31,6 @@ pub struct Recording {
     info: RunInfo,
     system: Option<String>,
     unfinished: Option<PathBuf>,
-}
-
-fn has(data: &[u8], text: &str) -> bool {
-    data.windows(text.len()).any(|part| part == text.as_bytes())
-}
-
-/// Files in a recording.
-#[derive(Clone, Debug, Default)]
-pub struct Inside {
-    /// Numbered system files its processes have read.
-    pub systems: BTreeMap<u64, String>,
-    /// Where each box stood when it was begun; or why that cannot be used.
-    pub standings: Option<Result<Standings, String>>,
 }
 
 /// A message and when it was.
@@ -110,20 +96,8 @@ impl Recording {
         for part in &self.parts {
             let mut records = Records::open(part, true)?;
             let mut keep = |opcode, data: &[u8]| {
-                let file = opcode == op::ATTACHMENT;
-                let found = file.then(|| attachment(data)).flatten();
-                match found {
-                    Some((name, text)) if name == STANDINGS_ATTACHMENT => {
-                        inside.standings = Some(Standings::of_text(&text));
-                    }
-                    Some((name, text)) => {
-                        inside.systems.extend(system_number(&name).map(|number| (number, text)));
-                    }
-                    // Its lengths or its checksum are wrong, its name may be right.
-                    None if file && has(data, STANDINGS_ATTACHMENT) => {
-                        inside.standings = Some(Err("is damaged".to_owned()));
-                    }
-                    None => {}
+                if opcode == op::ATTACHMENT {
+                    inside.keep(data);
                 }
                 Ok(())
             };

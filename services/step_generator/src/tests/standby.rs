@@ -68,7 +68,7 @@ impl Team {
     /// One control cycle; `speeds` of the controllers that answer in it.
     fn cycle(&mut self, speeds: [Option<f64>; 3]) -> [Steps; 5] {
         core::array::from_fn(|n| {
-            let mut commands = std::vec::Vec::new();
+            let mut commands = Vec::new();
             for (of, speed) in speeds.iter().enumerate() {
                 if let (0, Some(speed)) = (n, speed) {
                     commands.push(self.command(of, *speed));
@@ -151,7 +151,7 @@ fn a_successor_that_answers_two_cycles_at_once_goes_on_without_a_trace() {
             vx_mps,
             ..Command::ZERO
         };
-        let (now, mut commands) = (team.tick, std::vec::Vec::new());
+        let (now, mut commands) = (team.tick, Vec::new());
         commands.extend(before.map(|vx_mps| command(1, now, vx_mps)));
         commands.push(command(2, now + 5, 0.04));
         (0..5).for_each(|_| assert_eq!(team.tick_with(&[]).twist[0], 0.02));
