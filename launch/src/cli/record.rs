@@ -5,9 +5,9 @@ use super::{VerbResult, print, refused};
 use crate::logging;
 use crate::manager::Failure;
 use crate::manager::control::Request;
-use crate::manager::robot_dir::living_robots;
+use crate::manager::robot_dir::{Living, living_robots};
 use crate::recording::wires::taps;
-use crate::recording::{RECORDING_FILE, Report, RunInfo, Settings, Tape};
+use crate::recording::{RECORDING_FILE, Report, RunInfo, Settings, Standings, Tape};
 use crate::shell::observer::survive_the_file_size_limit;
 use crate::shell::realtime;
 use crate::shell::transport::Domain;
@@ -25,6 +25,12 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(10);
 /// Time between two looks whether the robot is still up.
 const LIFE: Duration = Duration::from_millis(500);
+/// Time for which the wires are heard before the boxes are asked where they stand.
+const HEARD_BEFORE: Duration = Duration::from_millis(300);
+/// Time between two looks at their answers.
+const ASK_AGAIN: Duration = Duration::from_millis(50);
+/// Time a box has for its answer: a planner in the middle of a search sees no question.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// Time the disk has for what waits for it at the end.
 const DISK_PATIENCE: Duration = Duration::from_secs(30);
 /// Longest recording that can be asked for, s.
@@ -74,14 +80,9 @@ pub fn record(args: &RecordArgs) -> VerbResult {
     tape.keep_systems_of(dir);
     let until = args.seconds.map_or("Ctrl-C ends it".to_owned(), |seconds| format!("for {seconds} s"));
     let _ = writeln!(io::stderr(), "hilare: recording {:?} into {}; {until}", robot.robot, path.display());
-    // What each box remembered when this began is nowhere in it.
-    let _ = writeln!(
-        io::stderr(),
-        "hilare: a replay of it compares boxes that began later only, and cannot drive again with changes; a recording \
-         from the beginning: hilare run"
-    );
 
     let (began, mut asked, mut went_down) = (Instant::now(), Instant::now(), false);
+    let mut standings = Asking::begin();
     let enough = || args.seconds.is_some_and(|seconds| began.elapsed().as_secs_f64() >= seconds);
     while !told_to_end.load(Ordering::Relaxed) && !enough() && !went_down && !tape.has_failed() {
         if asked.elapsed() > LIFE {
@@ -91,8 +92,16 @@ pub fn record(args: &RecordArgs) -> VerbResult {
         for tap in &taps {
             while tap.hear(&mut |heard| tape.hear(heard)) {}
         }
+        if let Some(told) = standings.look(&robot) {
+            let _ = writeln!(io::stderr(), "hilare: {}", in_words(&told));
+            tape.keep_standings(&told.0);
+        }
         tape.hand_over();
         sleep(LOOK);
+    }
+    if standings.next.is_some() {
+        let why = "it ended before the boxes had said where they stand: a replay of it compares those that began later only";
+        let _ = writeln!(io::stderr(), "hilare: {why}");
     }
     let report = tape.finish(Some(DISK_PATIENCE));
     tell(&path, &report, args.robot.json);
@@ -103,6 +112,52 @@ pub fn record(args: &RecordArgs) -> VerbResult {
         return Err(Failure::Fault(format!("robot {:?} went down", robot.robot)));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Asks where each box stands, so that a replay can go on from there.
+///
+/// Not before the wires have been heard for a while: of what a box took and said after its answer, nothing must be older
+/// than the recording. What the relay still holds, and what launch said last, has come by then.
+struct Asking {
+    next: Option<Instant>,
+    /// Number of the question, and when it was asked.
+    asked: Option<(u64, Instant)>,
+}
+
+/// What was answered, and who has not answered.
+type Told = (Standings, Vec<String>);
+
+impl Asking {
+    fn begin() -> Self {
+        Self { next: Some(Instant::now() + HEARD_BEFORE), asked: None }
+    }
+
+    /// All answers, once they are there.
+    fn look(&mut self, robot: &Living) -> Option<Told> {
+        let now = Instant::now();
+        self.next.filter(|next| now >= *next)?;
+        self.next = Some(now + ASK_AGAIN);
+        let number = self.asked.map_or(0, |(number, _)| number);
+        let told = send(robot, &Request::Standings(number)).ok()?.standings?;
+        let (_, since) = *self.asked.get_or_insert((told.asked, now));
+        if !told.silent.is_empty() && since.elapsed() < ANSWER_PATIENCE {
+            return None;
+        }
+        self.next = None;
+        Some((Standings::new(told.stands, told.awaited), told.silent))
+    }
+}
+
+fn in_words((standings, silent): &Told) -> String {
+    let from = standings.stands.iter().filter_map(|stand| stand.done).max().filter(|tick| *tick > 0);
+    let what = match from {
+        Some(tick) => format!("a replay of it compares every box from tick {tick} on"),
+        None => "a replay of it compares every box, and can drive again with changes".to_owned(),
+    };
+    match &silent[..] {
+        [] => what,
+        silent => format!("{what}, but for {}, which did not say where it stands", silent.join(", ")),
+    }
 }
 
 /// The file to begin with. What is recorded already is never written over.

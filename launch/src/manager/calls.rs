@@ -63,6 +63,7 @@ impl Manager {
             }
             Request::Set(set) => return self.begin_param(&set, &call.reply),
             Request::System => Response { system: Some(self.job.system.to_toml()), ..Response::done("") },
+            Request::Standings(asked) => self.standings(asked),
             Request::Follow(points) => {
                 let waypoint = |[x_m, y_m, bulge, crab_rad]: [f64; 4]| Waypoint { x_m, y_m, bulge, crab_rad };
                 let waypoints = points.into_iter().map(waypoint).collect();

@@ -62,6 +62,8 @@ pub enum Request {
     Set(Vec<String>),
     /// The system file that is in force.
     System,
+    /// Where each box stands: 0 asks them, the number of a question fetches what they have answered.
+    Standings(u64),
     /// Follow these waypoints: x and y (m), bulge, crab angle (rad).
     Follow(Vec<[f64; 4]>),
     /// Go to this point, metres; a heading in radians if one is wanted.
@@ -94,6 +96,9 @@ pub struct Response {
     /// The system file that is in force, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system: Option<String>,
+    /// Where each box stands, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standings: Option<super::standings::Standings>,
     /// Lines of the log, if that was asked for, and how many there are up to there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<(u64, Vec<crate::logging::Said>)>,
@@ -119,6 +124,7 @@ impl Response {
             measured: None,
             param: None,
             system: None,
+            standings: None,
             log: None,
             place: None,
             later: false,

@@ -10,6 +10,7 @@ pub mod measured;
 pub mod notify;
 pub mod param;
 pub mod robot_dir;
+pub mod standings;
 pub mod status;
 
 mod calls;

@@ -8,6 +8,7 @@
 //! * [`wires`]: what is recorded, the one table; a channel `/hilare/<wire>` each, every message, bit for bit.
 //! * [`schemas`], [`cdr`]: how our messages are told and laid out (`ros2msg`, CDR).
 //! * [`ros`]: standard ROS 2 messages made of them, once a control period: `/odom`, `/tf`, `/path`, …
+//! * [`inside`], [`standings`]: files in it, and where each box stood when a recording was begun in mid-drive.
 //! * [`dating`]: when a message was.
 //! * [`tape`]: the end that never waits for the disk; [`part`]: one file; [`audit`]: what is missing.
 //! * [`reader`]: a recording read back, message by message.
@@ -23,11 +24,13 @@ pub mod cdr;
 mod damage;
 pub mod dating;
 pub mod info;
+pub mod inside;
 pub mod part;
 pub mod reader;
 pub mod ros;
 pub mod schemas;
 pub mod settings;
+pub mod standings;
 pub mod tape;
 pub mod wires;
 mod writer;
@@ -39,6 +42,7 @@ pub use audit::{Report, WireReport};
 pub use info::RunInfo;
 pub use reader::{Recording, Timed};
 pub use settings::{Order, RecordingParams, Settings};
+pub use standings::Standings;
 pub use tape::Tape;
 pub use wires::{Entry, Heard};
 
@@ -49,6 +53,8 @@ use std::path::Path;
 pub const RECORDING_FILE: &str = "run.mcap";
 /// The system file within a recording.
 pub const SYSTEM_ATTACHMENT: &str = "system.toml";
+/// Where each box stood when a recording was begun in mid-drive.
+pub const STANDINGS_ATTACHMENT: &str = "standings.json";
 /// The metadata record that says what was recorded.
 const METADATA: &str = "hilare";
 

@@ -8,7 +8,6 @@ use super::info::RunInfo;
 use super::settings::Settings;
 use super::wires::RECORDED;
 use super::{METADATA, RecordingError, SYSTEM_ATTACHMENT, cdr, schemas};
-use crate::shell::worker::system_file;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use rustix::fs::{FallocateFlags, fallocate};
@@ -65,10 +64,11 @@ pub struct View {
     pub definition: String,
 }
 
-/// A system file in the recording.
-fn toml(name: String, text: &str) -> Attachment<'_> {
+/// A file in the recording.
+fn attachment(name: String, text: &str) -> Attachment<'_> {
     let data = Cow::Borrowed(text.as_bytes());
-    Attachment { log_time: 0, create_time: 0, name, media_type: "application/toml".to_owned(), data }
+    let kind = if name.ends_with(".toml") { "toml" } else { "json" };
+    Attachment { log_time: 0, create_time: 0, name, media_type: format!("application/{kind}"), data }
 }
 
 impl Part {
@@ -126,7 +126,7 @@ impl Part {
         let (mut channels, mut view_channels) = (Vec::new(), Vec::new());
         let mut begin = || -> Result<(), McapError> {
             writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata: info.to_metadata() })?;
-            writer.attach(&toml(SYSTEM_ATTACHMENT.to_owned(), system))?;
+            writer.attach(&attachment(SYSTEM_ATTACHMENT.to_owned(), system))?;
             // Whoever reads a file without a message knows at least what it was to be.
             writer.flush()?;
             let mut tell = |view: &View, said: &[(&str, String)]| {
@@ -151,8 +151,8 @@ impl Part {
         Ok(())
     }
 
-    /// Writes a numbered system file.
-    pub fn write_system(&mut self, number: u64, text: &str) -> Result<(), RecordingError> {
+    /// Writes a file.
+    pub fn write_file(&mut self, name: &str, text: &str) -> Result<(), RecordingError> {
         let failed = |path: &Path, why: String| RecordingError::new(path, why);
         if self.in_chunk > 0 {
             self.end_chunk()?;
@@ -160,7 +160,7 @@ impl Part {
         self.told += RECORD_HEADER + text.len() as u64;
         self.make_room(self.told).map_err(|why| failed(&self.path, why))?;
         let writer = self.writer.as_mut().ok_or_else(|| failed(&self.path, "is closed".to_owned()))?;
-        let written = writer.attach(&toml(system_file(number), text));
+        let written = writer.attach(&attachment(name.to_owned(), text));
         written.map_err(|error| failed(&self.path, plain(&error)))?;
         self.whole = self.length();
         Ok(())

@@ -5,9 +5,9 @@
 
 use super::damage::{self, attachment};
 use super::info::{RunInfo, first_of, parts_there};
+use super::inside::Inside;
 use super::wires::{Entry, RECORDED, place_of};
 use super::{METADATA, RECORDING_FILE, RecordingError, SYSTEM_ATTACHMENT};
-use crate::shell::worker::system_number;
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -90,23 +90,20 @@ impl Recording {
         self.system.as_deref()
     }
 
-    /// The numbered system files its processes have read, by number; what a file lost with its end is missing.
-    pub fn numbered_systems(&self) -> Result<BTreeMap<u64, String>, RecordingError> {
-        let mut systems = BTreeMap::new();
+    /// The files in it by name, but for the system file; what a file lost with its end is missing.
+    pub fn inside(&self) -> Result<Inside, RecordingError> {
+        let mut inside = Inside::default();
         for part in &self.parts {
             let mut records = Records::open(part, true)?;
             let mut keep = |opcode, data: &[u8]| {
-                let found = (opcode == op::ATTACHMENT).then(|| attachment(data)).flatten();
-                if let Some((name, text)) = found
-                    && let Some(number) = system_number(&name)
-                {
-                    systems.insert(number, text);
+                if opcode == op::ATTACHMENT {
+                    inside.keep(data);
                 }
                 Ok(())
             };
             while records.next(&mut keep)?.is_some() {}
         }
-        Ok(systems)
+        Ok(inside)
     }
 
     /// The first file that has no end: what came after its last whole chunk is lost.

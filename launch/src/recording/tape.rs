@@ -8,9 +8,10 @@ use super::audit::{Audit, Report};
 use super::dating::Dating;
 use super::info::RunInfo;
 use super::settings::Settings;
+use super::standings::Standings;
 use super::wires::{Heard, RECORDED};
 use super::writer::{self, Written};
-use super::{RecordingError, cdr};
+use super::{RecordingError, STANDINGS_ATTACHMENT, cdr};
 use crate::shell::worker::system_file;
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use hilare_interfaces::messages::{Journal, JournalKind};
@@ -40,8 +41,8 @@ pub(super) struct Batch {
     /// CDR, one after the other.
     pub(super) bytes: Vec<u8>,
     pub(super) items: Vec<Item>,
-    /// System files, by their numbers.
-    pub(super) systems: Vec<(u64, String)>,
+    /// Files, by their names.
+    pub(super) files: Vec<(String, String)>,
 }
 
 /// One of them.
@@ -57,14 +58,14 @@ pub(super) struct Item {
 
 impl Batch {
     pub(super) fn size(&self) -> usize {
-        let systems: usize = self.systems.iter().map(|(_, text)| text.len()).sum();
-        self.bytes.len() + self.items.len() * size_of::<Item>() + systems
+        let files: usize = self.files.iter().map(|(_, text)| text.len()).sum();
+        self.bytes.len() + self.items.len() * size_of::<Item>() + files
     }
 
     pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.items.clear();
-        self.systems.clear();
+        self.files.clear();
     }
 }
 
@@ -150,7 +151,7 @@ impl Tape {
     /// Takes a message.
     pub fn hear(&mut self, heard: Heard<'_>) {
         if let Heard::Journal(entry) = heard {
-            self.keep_system(entry);
+            self.keep_named(entry);
         }
         self.audit.hear(&heard);
         let place = heard.place();
@@ -168,20 +169,29 @@ impl Tape {
     }
 
     /// Keeps the system file that an entry of the journal names.
-    fn keep_system(&mut self, entry: &Journal) {
+    fn keep_named(&mut self, entry: &Journal) {
+        match JournalKind::from_code(entry.kind) {
+            Some(JournalKind::Began) => self.keep_system(entry.words[2]),
+            Some(JournalKind::Param) => self.keep_system(entry.words[1]),
+            _ => {}
+        }
+    }
+
+    /// Keeps where each box stands, and the system files that are in force in them.
+    pub fn keep_standings(&mut self, standings: &Standings) {
+        standings.stands.iter().for_each(|stand| self.keep_system(stand.system));
+        self.batch.files.push((STANDINGS_ATTACHMENT.to_owned(), standings.to_text()));
+    }
+
+    fn keep_system(&mut self, number: u64) {
         let Some((dir, kept)) = &mut self.systems else { return };
-        let number = match JournalKind::from_code(entry.kind) {
-            Some(JournalKind::Began) => entry.words[2],
-            Some(JournalKind::Param) => entry.words[1],
-            _ => return,
-        };
         if kept.contains(&number) {
             return;
         }
         // Written whole before anybody is told its number.
         let file = dir.join(system_file(number));
         match std::fs::read_to_string(&file) {
-            Ok(text) => self.batch.systems.push((number, text)),
+            Ok(text) => self.batch.files.push((system_file(number), text)),
             Err(error) => warn!("{}: {error}: a replay will not know this system", file.display()),
         }
         kept.insert(number);
@@ -189,7 +199,7 @@ impl Tape {
 
     /// Hands what was heard to the writer's thread.
     pub fn hand_over(&mut self) {
-        if self.batch.items.is_empty() {
+        if self.batch.items.is_empty() && self.batch.files.is_empty() {
             return;
         }
         let size = self.batch.size();

@@ -7,6 +7,7 @@ use super::ros::{self, Views};
 use super::settings::Settings;
 use super::tape::{Batch, Item};
 use super::wires::{Entry, RECORDED};
+use crate::shell::worker::system_number;
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,8 +34,8 @@ pub(super) struct Writer {
     settings: Settings,
     info: RunInfo,
     system: String,
-    /// Numbered ones, which every further part has, too.
-    systems: Vec<(u64, String)>,
+    /// Numbered ones by name, which every further part has, too.
+    systems: Vec<(String, String)>,
     // None once the disk has refused.
     part: Option<Part>,
     views: Views,
@@ -78,7 +79,7 @@ impl Writer {
         };
         let views = ros::channels();
         let mut part = Part::create(&path, &self.settings, &self.info, &self.system, &views)?;
-        self.systems.iter().try_for_each(|(number, text)| part.write_system(*number, text))?;
+        self.systems.iter().try_for_each(|(name, text)| part.write_file(name, text))?;
         self.part = Some(part);
         self.views.begin_again();
         self.info.part += 1;
@@ -115,9 +116,11 @@ impl Writer {
     fn write(&mut self, batch: &mut Batch) {
         // Wires are read one after the other; in the file, messages of a tick stand together.
         batch.items.sort_by_key(|item| item.time_ns);
-        for (number, text) in batch.systems.drain(..) {
-            let written = self.part.as_mut().map_or(Ok(()), |part| part.write_system(number, &text));
-            self.systems.push((number, text));
+        for (name, text) in batch.files.drain(..) {
+            let written = self.part.as_mut().map_or(Ok(()), |part| part.write_file(&name, &text));
+            if system_number(&name).is_some() {
+                self.systems.push((name, text));
+            }
             if let Err(error) = written {
                 self.fail(&error);
             }

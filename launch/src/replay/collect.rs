@@ -1,8 +1,9 @@
 //! A recording, read into a [`RunLog`].
 
+use super::lives::Life;
 use super::log::{Messages, RunLog, Title};
 use crate::config::System;
-use crate::recording::{Entry, Heard, Recording};
+use crate::recording::{Entry, Heard, Recording, STANDINGS_ATTACHMENT, Standings};
 use crate::shell::ClockKind;
 use crate::shell::worker::system_file;
 use std::collections::BTreeMap;
@@ -67,7 +68,8 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
         let origin = format!("{}: system.toml", path.display());
         systems.insert(1, System::parse(&origin, text).map_err(|error| error.to_string())?);
     }
-    for (number, text) in recording.numbered_systems().map_err(|error| error.to_string())? {
+    let inside = recording.inside().map_err(|error| error.to_string())?;
+    for (number, text) in inside.systems {
         let origin = format!("{}: {}", path.display(), system_file(number));
         systems.insert(number, System::parse(&origin, &text).map_err(|error| error.to_string())?);
     }
@@ -77,5 +79,25 @@ pub fn read(path: &Path) -> Result<(RunLog, Vec<String>), String> {
         .filter(|part| !part.is_empty())
         .collect::<Vec<_>>()
         .join(", ");
-    Ok((RunLog::new(Title { name, clock }, systems, collector.into_messages()), notes))
+    let standings = match inside.standings {
+        Some(Ok(standings)) => standings,
+        Some(Err(why)) => {
+            notes.push(format!(
+                "where each box stood when it began ({STANDINGS_ATTACHMENT} in it) {why}: those that were at work then \
+                 are not compared"
+            ));
+            Standings::default()
+        }
+        None => Standings::default(),
+    };
+    let title = Title { name, clock };
+    let log = RunLog::begun_in_mid_drive(title, systems, collector.into_messages(), standings);
+    let from = log.lives.all.iter().filter(|life| life.met.is_some()).filter_map(Life::done);
+    if let Some(last) = from.max().filter(|last| *last > 0) {
+        notes.push(format!(
+            "begun when the robot was up: each box goes on from where it stood at tick {last} or just before; what it \
+             said until then is not compared"
+        ));
+    }
+    Ok((log, notes))
 }

@@ -1,5 +1,7 @@
 //! The processes of a run, from the journals of their places.
 
+use crate::recording::Standings;
+use crate::shell::standing::Stand;
 use hilare_controller::{LAWS, LawSpec};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::messages::{Journal, JournalKind};
@@ -37,6 +39,9 @@ pub struct Life {
     pub tick: Tick,
     /// The state it went on from: whose, by the place, and of which tick.
     pub state: Option<(u64, Tick)>,
+    /// It was at work when the recording began, which knows where it stood: the number of the last message it had
+    /// counted.
+    pub met: Option<u64>,
     /// What it took from outside, in order.
     pub entries: Vec<Journal>,
     /// An entry is missing after those.
@@ -53,22 +58,35 @@ pub struct Lives {
 }
 
 impl Lives {
-    /// From the entries of all places.
-    pub fn of(journal: &[Journal]) -> Self {
+    /// From the entries of all places, and from where those stood that were at work already.
+    pub fn of(journal: &[Journal], standings: &Standings) -> Self {
         let mut places: BTreeMap<u64, BTreeMap<u64, &Journal>> = BTreeMap::new();
         for entry in journal {
             places.entry(entry.slot).or_default().entry(entry.seq).or_insert(entry);
         }
         let mut lives = Self::default();
+        for stand in &standings.stands {
+            places.entry(stand.slot).or_default();
+        }
         for (slot, entries) in places {
-            lives.add_place(slot, entries.into_values());
+            let stand = standings.stands.iter().find(|stand| stand.slot == slot);
+            let known = stand.is_some() || standings.awaited.contains(&slot);
+            // What it had noted before is in its state.
+            let from = stand.map_or(0, |stand| stand.journal);
+            let entries = entries.into_values().filter(|entry| entry.seq >= from);
+            lives.add_place(slot, stand.and_then(Life::met), known, entries);
         }
         lives
     }
 
-    fn add_place<'j>(&mut self, slot: u64, entries: impl Iterator<Item = &'j Journal>) {
-        let mut next = None;
-        let mut life: Option<Life> = None;
+    fn add_place<'j>(
+        &mut self,
+        slot: u64,
+        met: Option<(Life, u64)>,
+        known: bool,
+        entries: impl Iterator<Item = &'j Journal>,
+    ) {
+        let (mut life, mut next) = met.unzip();
         for entry in entries {
             let Some(role) = Role::from_code(entry.role) else { continue };
             if next.is_some_and(|next| next != entry.seq)
@@ -84,7 +102,7 @@ impl Lives {
                 if !life.broken {
                     life.entries.push(*entry);
                 }
-            } else {
+            } else if !known {
                 self.earlier.insert(slot, role);
             }
         }
@@ -116,6 +134,25 @@ impl Life {
         Changes(changes.map(|entry| (entry.tick, entry.words[1])).collect())
     }
 
+    /// A process that was at work, and the number of the first entry that is not in its state.
+    fn met(stand: &Stand) -> Option<(Self, u64)> {
+        let law = stand.law.as_deref().and_then(hilare_controller::law);
+        let life = Self {
+            slot: stand.slot,
+            role: Role::from_name(&stand.role)?,
+            incarnation: stand.incarnation,
+            epoch: stand.epoch,
+            system: stand.system,
+            law,
+            tick: stand.done.unwrap_or(0),
+            state: stand.done.map(|done| (stand.slot, done)),
+            met: Some(stand.number),
+            entries: Vec::new(),
+            broken: false,
+        };
+        Some((life, stand.journal))
+    }
+
     fn began(entry: &Journal, role: Role) -> Self {
         let [incarnation, epoch, system, law, saved, whose] = entry.words;
         let law = law.checked_sub(1).and_then(|place| LAWS.get(place as usize));
@@ -128,9 +165,15 @@ impl Life {
             law,
             tick: entry.tick,
             state: whose.checked_sub(1).zip(saved.checked_sub(1)),
+            met: None,
             entries: Vec::new(),
             broken: false,
         }
+    }
+
+    /// True if a drive can begin with it: it has no predecessor, or its recording knows where it stood.
+    pub fn begins_whole(&self) -> bool {
+        self.state.is_none() || self.met.is_some()
     }
 
     /// The tick of the state it went on from: what it has answered, or rather its predecessor.
@@ -178,7 +221,7 @@ mod tests {
             entry(2, 9, JournalKind::Pause, [1, 0, 0, 0, 0, 0]),
             Journal { role: 99, ..Journal::ZERO },
         ];
-        let lives = Lives::of(&journal);
+        let lives = Lives::of(&journal, &Standings::default());
         let [first, second] = &lives.all[..] else { panic!("{}", lives.all.len()) };
         assert_eq!((first.epoch, first.entries.len(), first.broken, first.state), (3, 1, true, None));
         assert_eq!(first.law.map(|law| law.name), Some(LAWS[0].name));

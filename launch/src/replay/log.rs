@@ -1,7 +1,9 @@
 //! A run as it was recorded, sorted for a replay: messages by wire and tick, processes by their place.
 
 use super::lives::{Life, Lives};
+use super::states::Met;
 use crate::config::{System, key_of};
+use crate::recording::Standings;
 use crate::shell::ClockKind;
 use hilare_controller::LawSpec;
 use hilare_interfaces::block::Tick;
@@ -147,6 +149,10 @@ pub struct RunLog {
     pub poses: Wire<Pose>,
     pub truths: Wire<Truth>,
     pub lives: Lives,
+    /// What those remembered that were at work when it began.
+    pub met: Vec<Met>,
+    /// The tick from which on it can be driven again; 0 if it has the beginning.
+    pub begin: Tick,
     /// The last tick of which there are steps.
     pub end: Tick,
     /// The last tick of which there is an entry in a journal: the end of a recording may lack those that follow.
@@ -157,6 +163,16 @@ impl RunLog {
     /// Sorts what was recorded. Without a journal, as in a run in one thread, what it would say follows from the
     /// messages.
     pub fn new(title: Title, systems: BTreeMap<u64, System>, messages: Messages) -> Self {
+        Self::begun_in_mid_drive(title, systems, messages, Standings::default())
+    }
+
+    /// The same of one that was begun in mid-drive, with where each box stood.
+    pub fn begun_in_mid_drive(
+        title: Title,
+        systems: BTreeMap<u64, System>,
+        messages: Messages,
+        mut standings: Standings,
+    ) -> Self {
         let journal = if messages.journal.is_empty() && title.clock == ClockKind::InProcess {
             super::in_process::journal(systems.values().next(), &messages)
         } else {
@@ -170,8 +186,14 @@ impl RunLog {
         let apart = |pair: &[Steps]| pair[1].tick.saturating_sub(pair[0].tick) > APART_MAX;
         let together = steps.all().windows(2).position(apart).map_or(steps.all().len(), |last| last + 1);
         let end = together.checked_sub(1).map_or(0, |last| steps.all()[last].tick);
+        // Beyond the end there is nothing to compare, or it is a lie.
+        standings.stands.retain(|stand| stand.done.is_none_or(|done| done <= end));
+        let lives = Lives::of(&journal, &standings);
+        let met = standings.stands.into_iter().filter_map(|stand| Met::of(stand, &lives, &systems)).collect();
         Self {
             title,
+            met,
+            begin: 0,
             systems,
             goals: messages.goals,
             answers: messages.answers,
@@ -184,7 +206,7 @@ impl RunLog {
             fixes: Wire::new(messages.fixes),
             poses: Wire::new(messages.poses),
             truths: Wire::new(messages.truths),
-            lives: Lives::of(&journal),
+            lives,
             journal_end: journal
                 .iter()
                 .map(|entry| entry.tick)
@@ -318,6 +340,7 @@ impl RunLog {
                 law: None,
                 tick: first.map_or(0, |command| command.pose_tick),
                 state: None,
+                met: None,
                 entries: Vec::new(),
                 broken: false,
             });

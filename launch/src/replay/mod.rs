@@ -47,7 +47,7 @@ pub const BOXES: [Role; 6] = [
 
 /// Feeds boxes what was recorded and compares what they answer. `measures`: also how far numbers are off.
 pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
-    let mut states = States::new(&log.lives);
+    let mut states = States::new(log);
     let mut reports = Vec::new();
     // The step generator may have to know what they said.
     let (mut of_controllers, lost) = boxes::controller::replay(log, &mut states, measures);
@@ -58,7 +58,7 @@ pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
             Role::Controller => std::mem::take(&mut of_controllers),
             Role::StepGenerator => vec![boxes::step_generator::replay(log, &mut states, &lost, measures)],
             Role::PoseEstimator => vec![boxes::pose_estimator::replay(log, &mut states, measures)],
-            _ => vec![boxes::plant::replay(log, measures)],
+            _ => vec![boxes::plant::replay(log, &mut states, measures)],
         };
         let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
         // A box may have taken nothing from outside since; a path needs no planner.

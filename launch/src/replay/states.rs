@@ -1,8 +1,16 @@
 //! States of replayed boxes, kept for the successors that went on from them.
 
-use super::lives::Lives;
+use super::lives::{Life, Lives};
+use super::log::RunLog;
+use crate::config::System;
+use crate::shell::boxes::controller::state_key;
+use crate::shell::build;
+use crate::shell::checkpoint::key_of;
+use crate::shell::standing::Stand;
+use hilare_controller::{Controller, Identity, LawSpec};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::state::{STATE_WORDS, Stateful};
+use hilare_interfaces::wires::Role;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A kept state: of what kind of box, and the words.
@@ -17,9 +25,18 @@ pub struct States {
 }
 
 impl States {
-    /// None yet.
-    pub fn new(lives: &Lives) -> Self {
-        Self { wanted: lives.wanted_states(), kept: BTreeMap::new(), room: Box::new([0; STATE_WORDS]) }
+    /// Those of the processes that were at work when the recording began; of others none yet.
+    pub fn new(log: &RunLog) -> Self {
+        let mut kept: BTreeMap<(u64, Tick), Vec<Kept>> = BTreeMap::new();
+        for met in &log.met {
+            kept.entry(met.place).or_default().push((met.key, met.words.clone()));
+        }
+        Self { wanted: log.lives.wanted_states(), kept, room: Box::new([0; STATE_WORDS]) }
+    }
+
+    /// Wants the state of a place after a tick, too.
+    pub fn want(&mut self, place: Option<(u64, Tick)>) {
+        self.wanted.extend(place);
     }
 
     /// True if a successor went on from the state of this place after this tick.
@@ -54,12 +71,69 @@ impl States {
                 "it went on from the state of place {slot} at tick {tick}, which is not known"
             ));
         };
-        if into.load_state(words) {
-            Ok(())
-        } else {
-            Err(format!("the state of place {slot} at tick {tick} is not one it can go on from"))
-        }
+        if into.load_state(words) { Ok(()) } else { Err(unfit(from)) }
     }
+}
+
+/// What a process remembered that was at work when the recording began.
+#[derive(Clone)]
+pub struct Met {
+    /// Its place, and the tick it had answered last.
+    pub place: (u64, Tick),
+    /// Of what kind of box it is.
+    key: u64,
+    /// Its system file, and its law (controllers).
+    system: System,
+    law: Option<&'static LawSpec>,
+    words: Vec<u64>,
+}
+
+impl Met {
+    /// From where it stood; nothing of one that had answered nothing.
+    pub fn of(stand: Stand, lives: &Lives, systems: &BTreeMap<u64, System>) -> Option<Self> {
+        let life = lives.all.iter().find(|life| life.met.is_some() && life.slot == stand.slot)?;
+        Some(Self { words: stand.words, ..Self::at(life, life.state?, systems)? })
+    }
+
+    /// Of a process after a tick; what it remembered is still to come.
+    pub fn at(life: &Life, place: (u64, Tick), systems: &BTreeMap<u64, System>) -> Option<Self> {
+        let system = systems.get(&life.system)?.clone();
+        let key = match life.role {
+            Role::StepGenerator => key_of(MOVING),
+            Role::PoseEstimator => key_of((life.role, system.estimator.name())),
+            Role::Controller => state_key(&system, life.law?),
+            role => key_of(role),
+        };
+        Some(Self { place, key, system, law: life.law, words: Vec::new() })
+    }
+
+    /// With what was kept of it.
+    pub fn with(self, states: &States) -> Option<Self> {
+        let mut kept = states.kept.get(&self.place)?.iter();
+        let words = kept.find(|(key, _)| *key == self.key)?.1.clone();
+        Some(Self { words, ..self })
+    }
+
+    /// A controller of the same law with other parameters goes on from it, as at a change of parameters; one of
+    /// another law begins anew.
+    pub fn hand_to(&self, life: &Life, into: &mut Controller) -> Result<(), String> {
+        let same_law = self.law.filter(|law| life.law.is_some_and(|other| other.name == law.name));
+        let Some(law) = same_law else { return Ok(()) };
+        let (source, epoch) = (life.slot + 1, life.epoch);
+        let mut before = build::controller(&self.system, law, Identity { source, epoch })?;
+        if !before.load_state(&self.words) {
+            return Err(unfit(self.place));
+        }
+        into.take_over(&mut before, &mut [0; STATE_WORDS]);
+        Ok(())
+    }
+}
+
+/// A step generator in motion, unlike one that a successor goes on from.
+pub const MOVING: (Role, &str) = (Role::StepGenerator, "in motion");
+
+fn unfit((slot, tick): (u64, Tick)) -> String {
+    format!("the state of place {slot} at tick {tick} is not one it can go on from")
 }
 
 /// Another box of the same set-up that knows what this one knows.

@@ -1,6 +1,7 @@
 //! What was driven and what would have been, side by side.
 
 use super::boxes::controller;
+use super::closed::midway::moved;
 use super::closed::{Driven, drive};
 use super::fields::Difference;
 use super::log::RunLog;
@@ -92,11 +93,14 @@ pub fn check_keys(set: &[String]) -> Result<(), String> {
 pub fn recorded(log: &RunLog, period_ticks: u64) -> RunRecord {
     let mut record = RunRecord::new(period_ticks);
     let mut assembler = Assembler::new(period_ticks);
-    for tick in 0..=log.end {
+    for tick in log.begin..=log.end {
+        log.references.first(tick).into_iter().for_each(|reference| assembler.push_reference(*reference));
+        if tick == log.begin {
+            continue;
+        }
         log.steps.first(tick).into_iter().for_each(|steps| assembler.push_steps(*steps));
         log.poses.first(tick).into_iter().for_each(|pose| assembler.push_pose(*pose));
         log.truths.first(tick).into_iter().for_each(|truth| assembler.push_truth(*truth));
-        log.references.first(tick).into_iter().for_each(|reference| assembler.push_reference(*reference));
         if tick.is_multiple_of(512) {
             assembler.drain(|tick| record.push(tick));
         }
@@ -122,9 +126,16 @@ pub struct Compared {
 pub fn compare(log: RunLog, set: &[String], law: Option<&'static LawSpec>) -> Result<Compared, String> {
     check_keys(set)?;
     let period = |log: &RunLog| log.first_system().map_or(1, |system| system.timing.period_ticks);
+    let log = moved(log)?;
     let recorded = recorded(&log, period(&log));
-    let (_, lost) = controller::replay(&log, &mut States::new(&log.lives), false);
+    let (_, lost) = controller::replay(&log, &mut States::new(&log), false);
     let mut notes = log.overruled(set);
+    if log.begin > 0 {
+        notes.push(format!(
+            "begun in mid-drive: both drives and their figures are from tick {} on",
+            log.begin
+        ));
+    }
     let changed_log = log.changed(set, law)?;
     let changed = drive(&changed_log, &lost)?;
     notes.extend_from_slice(&changed.notes);

@@ -12,6 +12,7 @@ use super::change::Stage;
 use super::checkpoint::key_of;
 use super::page::{MAX_WAIT, News, SharedPage, monotonic_ns};
 use super::renewal::Renewals;
+use super::standing::Stands;
 use super::timing::{LATE_NS, LateWakeUp};
 use super::transport::{Input, Output, max_publishers};
 use super::worker::{Report, Worker};
@@ -19,7 +20,9 @@ use super::{ClockKind, build, realtime};
 use hilare_interfaces::block::{Block, TICK_S, Tick};
 use hilare_interfaces::layout::{WireField, WireMessage};
 use hilare_interfaces::messages::{Authority, Command, HealthState, JournalKind, Mode, Steps};
+use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
+use hilare_step_generator::whole::Whole;
 use hilare_step_generator::{StepGenerator, StepInputs};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
@@ -128,6 +131,7 @@ impl ClockProcess {
             }
             let report = Report { state: HealthState::Ready, ..self.report };
             worker.heartbeat(monotonic_ns(), || report);
+            self.stand(worker);
             worker.page.wait(slot, seen, Duration::from_millis(10));
         }
     }
@@ -185,6 +189,16 @@ impl ClockProcess {
         mem::swap(&mut worker.system, &mut renewal.system);
         self.generator.set_limits(worker.system.limits);
         self.renewals.applied(worker, renewal, self.tick, false);
+    }
+
+    /// Tells where it stands, if launch wants to know.
+    #[inline]
+    fn stand(&mut self, worker: &mut Worker) {
+        let Self { generator, tick, .. } = self;
+        worker.stand(|room| {
+            let words = Whole(generator).save_state(room).unwrap_or(0);
+            Some(Stands { done: Some(*tick), number: 0, words })
+        });
     }
 
     /// Executes one tick and publishes it.
@@ -250,6 +264,7 @@ impl ClockProcess {
             worker.timing().stepped(done_ns - woke_ns, worker.budget_ns);
             let report = self.report;
             worker.heartbeat(done_ns, || report);
+            self.stand(worker);
             let still = steps.twist == [0.0; 3];
             if farewell > 0 && (still || farewell > FAREWELL_TICKS) {
                 return;
@@ -261,6 +276,7 @@ impl ClockProcess {
         let slot = worker.assignment.slot;
         while !worker.leaving() {
             let seen = worker.page.bell(slot);
+            self.stand(worker);
             self.take_in(worker);
             if self.generator.awaits_command(self.tick) {
                 // A successor among the readers may lack the steps that lead to it.

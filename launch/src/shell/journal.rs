@@ -48,6 +48,11 @@ impl JournalRing {
         entry.kind.store(kind.code() | (written + 1) << KIND_BITS, Ordering::Release);
     }
 
+    /// Entries written, over all processes of the slot; of its own, a writer knows them all.
+    pub fn written(&self) -> u64 {
+        self.written.load(Ordering::Relaxed)
+    }
+
     /// The relay: the oldest entry not yet read, without slot and role.
     pub fn next(&self) -> Option<Journal> {
         loop {

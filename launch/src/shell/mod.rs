@@ -3,6 +3,7 @@
 //! * [`transport`]: ports of the wire table over iceoryx2 (the only place that uses it),
 //! * [`page`], [`mapped`]: doorbells and progress marks, a page of shared memory beside the wires,
 //! * [`checkpoint`], [`told`]: what a box remembers, and told last, for its successor,
+//! * [`standing`]: where each box stands, for a recording begun in mid-drive,
 //! * [`change`], [`renewal`]: other parameters while a box works,
 //! * [`timing`]: what each process measures of itself,
 //! * [`realtime`]: what is asked of the kernel, and what it granted,
@@ -30,6 +31,7 @@ pub mod planning;
 pub mod realtime;
 pub mod relay;
 pub mod renewal;
+pub mod standing;
 pub mod timing;
 pub mod told;
 pub mod transport;

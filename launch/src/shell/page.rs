@@ -99,6 +99,9 @@ pub struct Page {
     timings: [Timing; MAX_SLOTS],
     journals: [JournalRing; MAX_SLOTS],
     change: Change,
+    /// Goes up when launch wants to know where the boxes stand.
+    standings_asked: AtomicU64,
+    standings: [Area; MAX_SLOTS],
 }
 
 impl Page {
@@ -198,6 +201,24 @@ impl Page {
     #[inline]
     pub fn change(&self) -> &Change {
         &self.change
+    }
+
+    /// Launch: asks the boxes where they stand; the number of the question.
+    pub fn ask_standings(&self) -> u64 {
+        let asked = self.standings_asked.fetch_add(1, Ordering::SeqCst) + 1;
+        (0..MAX_SLOTS).for_each(|slot| self.ring_slot(slot));
+        asked
+    }
+
+    /// Number of the last such question; 0 before the first.
+    #[inline]
+    pub fn standings_asked(&self) -> u64 {
+        self.standings_asked.load(Ordering::Relaxed)
+    }
+
+    /// Where a slot's box writes down where it stands.
+    pub fn standing(&self, slot: usize) -> &Area {
+        &self.standings[slot % MAX_SLOTS]
     }
 
     /// The role a slot was given to, if any.

@@ -3,6 +3,7 @@
 use super::build;
 use super::page::News;
 use super::renewal::Renewals;
+use super::standing::Stands;
 use super::transport::{Input, Output, SliceInput, SliceOutput};
 use super::worker::{Reactive, Report, Worker};
 use crate::whole::write_whole;
@@ -183,6 +184,10 @@ impl Reactive for PlannerProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn stands(&mut self, _room: &mut [u64]) -> Option<Stands> {
+        Some(Stands { number: self.report.path_id, ..Stands::default() })
     }
 
     fn connect(&self) {

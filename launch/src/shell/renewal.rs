@@ -98,8 +98,9 @@ impl<B: Send + 'static> Renewals<B> {
 
     /// The box goes on with what was due, from tick `next` on: notes it and gives back what it had. `anew`: it
     /// could not make its own what it had learnt.
-    pub fn applied(&mut self, worker: &Worker, old: Box<Renewal<B>>, next: Tick, anew: bool) {
+    pub fn applied(&mut self, worker: &mut Worker, old: Box<Renewal<B>>, next: Tick, anew: bool) {
         let tick = next.max(old.meant);
+        worker.in_force = old.number;
         worker.journal(tick, JournalKind::Param, &[old.change, old.number, old.meant]);
         let took_ns = monotonic_ns().saturating_sub(old.began_ns);
         let change = old.change;

@@ -10,6 +10,7 @@ use super::checkpoint::StateRoom;
 use super::clock::sleep_until_ns;
 use super::page::{Phase, SharedPage, SlotState, monotonic_ns};
 use super::realtime::{self, CpuChoice, Request};
+use super::standing::Stands;
 use super::timing::Timing;
 use super::transport::{Domain, Output};
 use crate::config::System;
@@ -88,6 +89,10 @@ pub struct Worker {
     /// Asked for once: it is a system call.
     pid: u64,
     room: StateRoom,
+    /// Number of the system file that is in force here.
+    pub in_force: u64,
+    /// The question of launch that was answered last (see [`super::standing`]).
+    pub(super) stood: u64,
     /// What a step may take.
     pub budget_ns: u64,
     /// What the kernel refused.
@@ -137,6 +142,11 @@ pub trait Reactive {
 
     /// Connects its ports to the other ends.
     fn connect(&self);
+
+    /// Where the box stands, all it remembers in `room`; nothing if it has not begun, or is no box of the loop.
+    fn stands(&mut self, _room: &mut [u64]) -> Option<Stands> {
+        None
+    }
 
     /// The last call before the process ends in good order.
     fn finish(&mut self) -> Result<(), String> {
@@ -190,6 +200,8 @@ impl Worker {
             _ => 1,
         };
         Ok(Self {
+            in_force: assignment.system,
+            stood: 0,
             assignment,
             system,
             page,
@@ -248,6 +260,11 @@ impl Worker {
         }
     }
 
+    /// Keeps the first words of the room as where the box stands, for the `asked`th question.
+    pub(super) fn store_standing(&self, asked: u64, used: usize) {
+        self.page.standing(self.assignment.slot).store(asked, 0, self.room.first(used));
+    }
+
     /// The newest state of a kind that a slot has, if its tick is wanted, into a box; its tick, or `None`
     /// if there is none.
     pub fn recall(
@@ -284,7 +301,7 @@ impl Worker {
         let law = told.law.as_deref().and_then(|name| LAWS.iter().position(|law| law.name == name));
         let law = law.map_or(0, |place| place as u64 + 1);
         let (saved, whose) = state.map_or((0, 0), |(tick, slot)| (tick + 1, slot as u64 + 1));
-        let words = [told.incarnation, told.epoch, told.system, law, saved, whose];
+        let words = [told.incarnation, told.epoch, self.in_force, law, saved, whose];
         self.journal(tick, JournalKind::Began, &words);
     }
 
@@ -376,6 +393,7 @@ impl Worker {
             }
             self.page.set_progress(slot, hosted.report().tick);
             self.heartbeat(now_ns, || hosted.report());
+            self.stand(|room| hosted.stands(room));
             if !worked {
                 // Who has come since gets what it missed now, not with the next message: it may be what that
                 // one waits for.

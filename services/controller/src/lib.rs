@@ -220,6 +220,16 @@ impl Controller {
         taken
     }
 
+    /// Number of the last command.
+    pub const fn number(&self) -> u64 {
+        self.seq
+    }
+
+    /// Numbers commands as one whose last had this number.
+    pub const fn number_on(&mut self, last: u64) {
+        self.seq = last;
+    }
+
     /// The law's answer, in the robot's own frame.
     fn ask(&mut self, pose: WorldPose, reference: &Reference) -> LawOutput {
         let crab_rad = reference.current.crab_rad;

@@ -4,8 +4,10 @@ use crate::noise::Noise;
 use alloc::collections::VecDeque;
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::{WorldPose, wrap_angle_rad};
+use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::PoseFix;
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{STATE_WORDS, StateWords, Stateful};
 
 param_group! {
     /// What watches the robot from outside.
@@ -78,6 +80,21 @@ impl Camera {
         }
         let due = self.under_way.front().is_some_and(|fix| fix.tick <= tick);
         if due { self.under_way.pop_front() } else { None }
+    }
+}
+
+impl Stateful for Camera {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.noise.visit_state(words);
+        words.word(&mut self.next_picture);
+        let mut pictures = self.under_way.len();
+        // More of them than would ever fit are none.
+        words.index(&mut pictures, STATE_WORDS);
+        if words.is_loading() {
+            self.under_way.clear();
+            self.under_way.resize(if words.is_sound() { pictures } else { 0 }, PoseFix::ZERO);
+        }
+        self.under_way.iter_mut().for_each(|fix| words.message(fix));
     }
 }
 

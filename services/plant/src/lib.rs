@@ -24,6 +24,7 @@ use dc_servo::DcServo;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
+use hilare_interfaces::state::{StateWords, Stateful};
 use mecanum::Mecanum;
 use stepper_drive::StepperDrive;
 
@@ -97,6 +98,21 @@ impl Plant {
         }
         if let (Some(new), Some(old)) = (&mut self.camera, &mut before.camera) {
             new.take_over(old);
+        }
+    }
+}
+
+/// All that a later step hangs on and that is no parameter. A simulated robot has no successor: it is for whoever drives
+/// it again from the middle of a drive.
+impl Stateful for Plant {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        match &mut self.robot {
+            Robot::StepperDrive(robot) => robot.visit_state(words),
+            Robot::DcServo(robot) => robot.visit_state(words),
+            Robot::Mecanum(robot) => robot.visit_state(words),
+        }
+        if let Some(camera) = &mut self.camera {
+            camera.visit_state(words);
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Reproducible noise.
 
+use hilare_interfaces::state::{StateWords, Stateful};
+
 /// SplitMix64 (Steele, Lea, Flood 2014) and the Box–Muller transform: small, seeded, the same bits
 /// everywhere.
 #[derive(Clone, Debug)]
@@ -28,5 +30,11 @@ impl Noise {
     pub fn normal(&mut self) -> f64 {
         let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));
         radius * libm::cos(core::f64::consts::TAU * self.uniform())
+    }
+}
+
+impl Stateful for Noise {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.0);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::noise::Noise;
 use hilare_interfaces::block::TICK_S;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Most of the travel that can be lost, and most that can be gained (a wheel that is dragged along).
 const SHARE_MAX: f64 = 0.95;
@@ -42,6 +43,13 @@ impl<const N: usize> Slip<N> {
             }
         }
         self.state.map(|state| 1.0 - (self.mean + self.sd * state).clamp(-SHARE_MAX, SHARE_MAX))
+    }
+}
+
+impl<const N: usize> Stateful for Slip<N> {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.finite(&mut self.state);
+        self.noise.visit_state(words);
     }
 }
 

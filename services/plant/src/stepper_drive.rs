@@ -17,6 +17,7 @@ use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Steps;
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 param_group! {
     /// What the control path does not know.
@@ -158,6 +159,15 @@ impl StepperDrive {
             self.tick = steps.tick;
         }
         self.pose
+    }
+}
+
+impl Stateful for StepperDrive {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.pose(&mut self.pose);
+        self.counts.iter_mut().for_each(|count| words.signed(count));
+        self.noise.visit_state(words);
+        words.word(&mut self.tick);
     }
 }
 

@@ -6,6 +6,7 @@ use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::hostile::{cases, integer, message, some};
 use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::Steps;
+use hilare_interfaces::state::{STATE_WORDS, Stateful};
 use hilare_plant::camera::{Camera, CameraParams};
 use hilare_plant::dc_servo::{self, DcServo, DcServoParams};
 use hilare_plant::mecanum::{self, Mecanum, MecanumPlantParams};
@@ -61,5 +62,38 @@ proptest! {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn in_mid_drive_a_copy_goes_on_to_the_same_bits() {
+    for (n, mut plant) in plants().into_iter().enumerate() {
+        let steps = |tick: u64| Steps {
+            tick,
+            counts: [tick as i64 / 3, tick as i64 / 4, 0, 0],
+            wheel_speed_radps: [1.0 + (tick % 7) as f64, 1.5, 0.5, -0.25 * (tick % 5) as f64],
+            ..Steps::ZERO
+        };
+        for tick in 0..400 {
+            plant.step(tick, &steps(tick));
+        }
+        let mut room = [0; STATE_WORDS];
+        let used = plant.save_state(&mut room).expect("room");
+        let mut copy = plants().into_iter().nth(n).expect("a plant");
+        assert!(copy.load_state(&room[..used]));
+        for tick in 400..900 {
+            let (one, other) = (plant.step(tick, &steps(tick)), copy.step(tick, &steps(tick)));
+            assert_eq!(format!("{one:?}"), format!("{other:?}"));
+        }
+        // Another robot's, cut off, or with more pictures than there are words.
+        assert!(!copy.load_state(&room[..used - 1]));
+        let mut other = plants().into_iter().nth((n + 1) % 3).expect("a plant");
+        assert!(!other.load_state(&room[..used]));
+        let pictures = (0..used).filter(|at| {
+            let mut words = room;
+            words[*at] = 4000;
+            !plants().into_iter().nth(n).expect("a plant").load_state(&words[..used])
+        });
+        assert_eq!(pictures.count(), 1);
     }
 }

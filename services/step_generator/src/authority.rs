@@ -14,7 +14,7 @@
 //! higher term wins; whoever lost charge is not heard any more.
 
 use crate::COUNTED_MAX;
-use crate::candidate::{Candidate, Pair};
+use crate::candidate::{Candidate, Pair, visit_command};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::geometry::BodyTwist;
 use hilare_interfaces::layout::WireField;
@@ -380,6 +380,44 @@ impl Stateful for Gate {
             &mut self.promotions,
         ];
         counters.into_iter().for_each(|counter| words.count(counter, COUNTED_MAX));
+    }
+}
+
+impl Gate {
+    /// What drives, beside the state that a successor takes on.
+    pub(crate) fn visit_drive(&mut self, words: &mut StateWords<'_>) {
+        words.message(&mut self.authority);
+        words.code(&mut self.mode, Mode::code, Mode::from_code);
+        let candidates = [&mut self.in_charge, &mut self.standby, &mut self.trial];
+        candidates.into_iter().for_each(|candidate| candidate.visit_state(words));
+        let plain = [
+            &mut self.dismissed.0,
+            &mut self.dismissed.1,
+            &mut self.due_from,
+            &mut self.cycle_start,
+            &mut self.refused_source,
+        ];
+        plain.into_iter().for_each(|word| words.word(word));
+        words.option(&mut self.acting, Acting::BLANK, Acting::visit_state);
+        let rows = [&mut self.misses, &mut self.borrowed_row, &mut self.lease_age];
+        rows.into_iter().for_each(|count| words.count(count, COUNTED_MAX));
+        words.flag(&mut self.pause_stop);
+        words.code(&mut self.refusal, Refusal::code, Refusal::from_code);
+    }
+}
+
+impl Acting {
+    const BLANK: Self =
+        Self { command: Command::ZERO, twist: BodyTwist::ZERO, beside: Beside { before: None, old: None } };
+}
+
+impl Stateful for Acting {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        visit_command(&mut self.command, words);
+        words.twist(&mut self.twist);
+        for beside in [&mut self.beside.before, &mut self.beside.old] {
+            words.option(beside, BodyTwist::ZERO, |twist, words| words.twist(twist));
+        }
     }
 }
 

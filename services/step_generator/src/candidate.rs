@@ -1,7 +1,10 @@
 //! A controller whose commands are taken in: in charge, standby or on trial.
 
+use crate::COUNTED_MAX;
 use hilare_interfaces::block::Tick;
+use hilare_interfaces::layout::WireField;
 use hilare_interfaces::messages::{Command, Refusal};
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Commands of one controller that can wait for their tick.
 const PENDING: usize = 4;
@@ -129,4 +132,26 @@ impl Candidate {
         self.answers = if in_time { self.answers + 1 } else { 0 };
         command
     }
+}
+
+impl Stateful for Candidate {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.pair.0);
+        words.word(&mut self.pair.1);
+        words.word(&mut self.last_seq);
+        words.count(&mut self.answers, COUNTED_MAX);
+        let commands = self.pending.iter_mut().chain([&mut self.taken, &mut self.before]);
+        for command in commands {
+            words.option(command, Command::ZERO, visit_command);
+        }
+        if words.is_loading() {
+            self.note_next_due();
+        }
+    }
+}
+
+/// A command that was taken in: one for a tick that there may be.
+pub fn visit_command(command: &mut Command, words: &mut StateWords<'_>) {
+    words.message(command);
+    words.require(command.effective_tick < COUNTED_MAX);
 }

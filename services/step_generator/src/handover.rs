@@ -19,6 +19,7 @@ use crate::limits::Limits;
 use hilare_interfaces::block::TICK_S;
 use hilare_interfaces::chassis::Chassis;
 use hilare_interfaces::geometry::BodyTwist;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// From a decision to the twist the wheels should have.
 #[derive(Clone, Debug)]
@@ -97,6 +98,15 @@ impl Handover {
             (None, Some(new)) if !resumes => difference(self.target, constrained(new)),
             _ => difference(self.target, self.constrained),
         };
+    }
+}
+
+impl Stateful for Handover {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.word(&mut self.pair.0);
+        words.word(&mut self.pair.1);
+        let twists = [&mut self.commanded, &mut self.constrained, &mut self.target, &mut self.offset];
+        twists.into_iter().for_each(|twist| words.twist(twist));
     }
 }
 

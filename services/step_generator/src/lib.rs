@@ -14,6 +14,7 @@ pub mod candidate;
 pub mod handover;
 pub mod limits;
 pub mod pulses;
+pub mod whole;
 
 use authority::{Gate, GateParams};
 use handover::Handover;

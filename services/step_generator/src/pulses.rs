@@ -179,6 +179,15 @@ impl PulseTrain {
     }
 }
 
+impl PulseTrain {
+    /// What each wheel waits for, beside its state; `below`: no tick gets as far.
+    pub(crate) fn visit_waits(&mut self, words: &mut StateWords<'_>, below: u64) {
+        words.count(&mut self.now, below);
+        let waits = self.pulse_from.iter_mut().chain(&mut self.turn_from);
+        waits.for_each(|tick| words.count(tick, below));
+    }
+}
+
 /// Counts, owed angles and directions; at rest. What a predecessor did last may have been in this very tick, so a
 /// successor waits as long as there is to wait.
 impl Stateful for PulseTrain {

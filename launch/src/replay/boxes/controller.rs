@@ -116,6 +116,18 @@ impl<'l> AtWork<'l> {
         Ok(Self { log, life, system, changes: life.changes(), controller, key })
     }
 
+    /// Goes on from a state; one that was at work when the recording began also with other parameters than it had.
+    pub fn go_on(&mut self, states: &States, from: (u64, Tick)) -> Result<(), String> {
+        let loaded = states.load(from, self.key, &mut self.controller);
+        let Some(number) = self.life.met else { return loaded };
+        if loaded.is_err() {
+            let met = self.log.met.iter().find(|met| met.place == from);
+            met.map_or(loaded, |met| met.hand_to(self.life, &mut self.controller))?;
+        }
+        self.controller.number_on(number);
+        Ok(())
+    }
+
     /// Goes on with the parameters that are in force for its answer to `tick`.
     pub fn change(&mut self, tick: Tick) -> Result<(), String> {
         while let Some(number) = self.changes.due(tick) {
@@ -151,17 +163,20 @@ fn replay_commands(
 ) -> Result<(), String> {
     let mut at_work = AtWork::begin(log, life)?;
     if let Some(from) = life.state {
-        states.load(from, at_work.key, &mut at_work.controller)?;
+        at_work.go_on(states, from)?;
+        states.keep(from.0, from.1, at_work.key, &mut at_work.controller);
     }
     let mut last = life.done();
-    let mut number = 0;
+    let mut number = at_work.controller.number();
+    // Those it had sent before the recording knew where it stood are in its state.
+    let sent = commands.iter().position(|command| command.seq > number).unwrap_or(commands.len());
     // Of the end, some wires may have more than others.
     let inputs = [log.poses.last(log.end), log.references.last(log.end)];
     let end = inputs.into_iter().flatten().min().unwrap_or(0);
     let is_whole = |command: &&Command| !(end + 1..=log.horizon()).contains(&command.pose_tick);
     let commands =
         &commands[..commands.iter().rposition(|command| is_whole(&command)).map_or(0, |last| last + 1)];
-    for (place, recorded) in commands.iter().enumerate() {
+    for (place, recorded) in commands.iter().enumerate().skip(if number == 0 { 0 } else { sent }) {
         let tick = answered(log, recorded, last, number)?;
         // Commands the recording has lost: as many as there were references meanwhile.
         let between = match last {

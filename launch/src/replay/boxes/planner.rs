@@ -64,8 +64,10 @@ pub fn robot_at(log: &RunLog, tick: Tick, start: WorldPoint) -> Option<WorldPoin
 fn replay_life(log: &RunLog, life: &Life, judged: &mut Judged<'_>) -> Result<(), String> {
     let system = log.system(life)?;
     let mut navigator = build::navigator(system)?;
-    let own_path = log.path(1, None).filter(|(header, _)| header.goal_id == 0 && life.incarnation == 1);
-    let mut path_id = own_path.map_or((life.incarnation - 1) << 32, |(header, _)| header.path_id);
+    let first = life.incarnation == 1 && life.met.is_none();
+    let own_path = log.path(1, None).filter(|(header, _)| header.goal_id == 0 && first);
+    let begun = life.met.unwrap_or_else(|| life.incarnation.saturating_sub(1) << 32);
+    let mut path_id = own_path.map_or(begun, |(header, _)| header.path_id);
     for entry in &life.entries {
         if entry.kind == JournalKind::Param.code() {
             navigator = build::navigator(log.numbered(entry.words[1])?)?;

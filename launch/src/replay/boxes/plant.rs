@@ -4,15 +4,17 @@ use super::BoxReport;
 use crate::replay::ledger::Ledger;
 use crate::replay::lives::Changes;
 use crate::replay::log::RunLog;
+use crate::replay::states::States;
 use crate::replay::walk::{Walker, rising, walk};
 use crate::shell::build;
+use crate::shell::checkpoint::key_of;
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{PoseFix, Truth, Wheels};
 use hilare_interfaces::wires::Role;
 use hilare_plant::{Observed, Plant};
 
 /// Replays it. A simulated robot has no successor: its death is the end of the robot.
-pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
+pub fn replay(log: &RunLog, states: &mut States, measures: bool) -> BoxReport {
     let mut report = BoxReport::new(Role::Plant);
     let mut truths = Ledger::new(log.truths.all(), measures);
     let mut wheels: Ledger<'_, Wheels> = Ledger::new(log.wheels.all(), measures);
@@ -20,15 +22,20 @@ pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
     let lives = log.lives.of_role(Role::Plant);
     for life in lives.iter().take(1) {
         let to = log.end;
+        let next = life.done().map_or(life.tick, |done| done + 1);
         let mut replay_life = || -> Result<(), String> {
             let system = log.system(life)?;
             let sensors = system.reads_sensors();
-            let (plant, changes) = (build::plant(system)?, life.changes());
+            let (mut plant, changes) = (build::plant(system)?, life.changes());
+            if let Some(from) = life.state {
+                states.load(from, key_of(Role::Plant), &mut plant)?;
+            }
             let mut walker = Simulating { log, plant, changes, seen: Vec::new() };
-            let before = life.tick.checked_sub(1);
+            let before = next.checked_sub(1);
             let ticks = rising([log.truths.ticks(before, to), log.wheels.ticks(before, to)].concat());
-            walk(&mut walker, life.tick, 1, &ticks, &log.truths, |truth, walker| {
+            walk(&mut walker, next, 1, &ticks, &log.truths, |truth, walker| {
                 let tick = truth.tick;
+                states.keep(life.slot, tick, key_of(Role::Plant), &mut walker.plant);
                 truths.make(log.truths.places(tick), truth);
                 let seen = walker.seen.iter().find(|seen| sensors && seen.truth.tick == tick).copied();
                 walker.seen.retain(|seen| seen.truth.tick > tick);
@@ -42,7 +49,7 @@ pub fn replay(log: &RunLog, measures: bool) -> BoxReport {
         };
         match replay_life() {
             Ok(()) => {
-                let known = life.tick..=to;
+                let known = next..=to;
                 truths.know(known.clone());
                 wheels.know(known.clone());
                 fixes.know(known);

@@ -58,6 +58,7 @@ fn replay_life(
         states.load(from, key, &mut walker.reckoner)?;
         let told: Vec<Pose> = walker.reckoner.told().copied().collect();
         told.iter().for_each(|pose| ledger.make(log.poses.places(pose.tick), pose));
+        states.keep(from.0, from.1, key, &mut walker.reckoner);
     }
     let ticks = log.poses.ticks(life.done(), to);
     let ticks = rising(ticks.into_iter().chain(states.wanted(life.slot, life.done(), to)));

@@ -6,7 +6,7 @@ use crate::replay::fields::Difference;
 use crate::replay::ledger::{Ledger, Tally};
 use crate::replay::lives::Life;
 use crate::replay::log::RunLog;
-use crate::replay::states::States;
+use crate::replay::states::{MOVING, States};
 use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::clock::last_stop;
@@ -14,6 +14,7 @@ use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::layout::WireMessage;
 use hilare_interfaces::messages::{Authority, Command, Journal, JournalKind, Steps};
 use hilare_interfaces::wires::Role;
+use hilare_step_generator::whole::Whole;
 use hilare_step_generator::{StepGenerator, StepInputs};
 
 /// Replays every process of it.
@@ -108,8 +109,10 @@ pub fn taken(log: &RunLog, lost: &Lost, entry: &Journal) -> (Result<Taken, Strin
 /// As its process begins.
 pub fn begin(log: &RunLog, life: &Life, states: &States) -> Result<StepGenerator, String> {
     let mut generator = build::step_generator(log.system(life)?, log.title.clock);
-    if let Some(from) = life.state {
-        states.load(from, key_of(Role::StepGenerator), &mut generator)?;
+    match (life.state, life.met) {
+        (Some(from), Some(_)) => states.load(from, key_of(MOVING), &mut Whole(&mut generator))?,
+        (Some(from), None) => states.load(from, key_of(Role::StepGenerator), &mut generator)?,
+        (None, _) => {}
     }
     Ok(generator)
 }
@@ -127,11 +130,15 @@ fn replay_life(
     let mut tick = life.done().unwrap_or(0);
     // It begins with where the robot stands.
     ledger.make(log.steps.places(tick), generator.state());
+    if life.met.is_some() {
+        states.keep(life.slot, tick, key, &mut generator);
+    }
     let mut advance = |generator: &mut StepGenerator, tick: &mut Tick, paused_ticks: u64| {
         let steps = generator.step(*tick, StepInputs { paused_ticks, ..StepInputs::default() });
         *tick = steps.tick;
         ledger.make(log.steps.places(steps.tick), &steps);
         states.keep(life.slot, steps.tick, key, generator);
+        states.keep(life.slot, steps.tick, key_of(MOVING), &mut Whole(generator));
     };
     let from = tick;
     let mut fault = None;

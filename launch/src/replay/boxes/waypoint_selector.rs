@@ -60,6 +60,7 @@ fn replay_life(
         for reference in walker.take_up()? {
             ledger.make(log.references.places(reference.tick), &reference);
         }
+        states.keep(from.0, from.1, key, &mut walker.selector);
     }
     let answered = log.references.ticks(life.done(), to).into_iter();
     let answered = answered.filter(|tick| tick.is_multiple_of(period));

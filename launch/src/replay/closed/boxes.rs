@@ -204,10 +204,11 @@ impl<'l> Driving<'l> {
         if self.at_work.is_none() {
             let mut at_work = AtWork::begin(log, self.life)?;
             if let Some(from) = self.life.state
-                && states.load(from, at_work.key, &mut at_work.controller).is_err()
+                && at_work.go_on(states, from).is_err()
             {
-                // Of another law, or changed: it begins anew.
+                // Of another law, or changed: it begins anew, with its own numbers.
                 at_work = AtWork::begin(log, self.life)?;
+                at_work.controller.number_on(self.life.met.unwrap_or(0));
             }
             self.at_work = Some(at_work);
         }
@@ -227,10 +228,14 @@ pub struct Simulated {
 
 impl Simulated {
     /// As its process begins.
-    pub fn begin(log: &RunLog) -> Result<Self, String> {
+    pub fn begin(log: &RunLog, states: &States) -> Result<Self, String> {
         let life = log.lives.of_role(Role::Plant).into_iter().next();
         let life = life.ok_or("the recording does not have the beginning of the plant")?;
-        Ok(Self { plant: build::plant(log.system(life)?)?, changes: life.changes() })
+        let mut plant = build::plant(log.system(life)?)?;
+        if let Some(from) = life.state {
+            states.load(from, key_of(Role::Plant), &mut plant)?;
+        }
+        Ok(Self { plant, changes: life.changes() })
     }
 
     /// What it shows after the steps.

@@ -14,6 +14,7 @@
 
 pub mod boxes;
 pub mod goals;
+pub mod midway;
 pub mod outside;
 
 use super::fields::{Difference, first_difference};
@@ -84,7 +85,9 @@ pub fn drive(log: &RunLog, lost: &Lost) -> Result<Driven, String> {
     outside::begins_whole(log)?;
     let first = log.lives.of_role(Role::StepGenerator)[0];
     let period_ticks = log.system(first)?.timing.period_ticks;
-    let mut drive = Drive::new(log, Outside::of(log, lost, period_ticks)?, period_ticks)?;
+    let outside = Outside::of(log, lost, period_ticks)?;
+    let commands = outside.under_way(log, lost);
+    let mut drive = Drive::new(log, outside, commands, period_ticks)?;
     drive.begin()?;
     loop {
         drive.choose()?;
@@ -136,28 +139,34 @@ struct Drive<'l> {
 }
 
 impl<'l> Drive<'l> {
-    fn new(log: &'l RunLog, outside: Outside, period_ticks: u64) -> Result<Self, String> {
+    fn new(
+        log: &'l RunLog,
+        outside: Outside,
+        commands: BTreeMap<Answer, Command>,
+        period_ticks: u64,
+    ) -> Result<Self, String> {
         let mut paths = Paths::new();
         for path in &log.paths {
             paths.entry(path.0.path_id).or_insert_with(|| path.clone());
         }
         let controllers = Driving::all(log, period_ticks);
+        let states = States::new(log);
         Ok(Self {
             as_recorded: outside.references.is_as_recorded(),
-            states: States::new(&log.lives),
             planning: Planning::new(log),
             selecting: Selecting::new(log),
             controllers,
             generator: None,
-            plant: Simulated::begin(log)?,
+            plant: Simulated::begin(log, &states)?,
+            states,
             estimating: Estimating::new(log),
             paths,
-            commands: BTreeMap::new(),
+            commands,
             at_once: Vec::new(),
             lease: None,
             prolonged: false,
             program_drives: false,
-            tick: 0,
+            tick: log.begin,
             pose: None,
             observed: None,
             reference: Reference::ZERO,
@@ -180,9 +189,11 @@ impl<'l> Drive<'l> {
         self.tick < self.log.end || (waits && self.tick < time_limit(self.log.end))
     }
 
-    /// Message 0 precedes the first tick.
+    /// Message 0 precedes the first tick; in mid-drive it begins with the message nobody has answered yet.
     fn begin(&mut self) -> Result<(), String> {
-        if let Some((0, Event::Began(life))) = self.outside.events.first() {
+        if let Some((tick, Event::Began(life))) = self.outside.events.first()
+            && *tick == self.log.begin
+        {
             self.generator = Some((begin(self.log, life, &self.states)?, life.slot));
             self.next_event = 1;
         }

@@ -7,7 +7,7 @@ use crate::replay::log::{Dated, RunLog, Wire};
 use hilare_interfaces::block::Tick;
 use hilare_interfaces::messages::{Authority, Command, Mode, ReferenceState};
 use hilare_interfaces::wires::Role;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A controller process and the pose it answers.
 pub type Answer = (u64, u64, Tick);
@@ -86,7 +86,7 @@ pub fn begins_whole(log: &RunLog) -> Result<(), String> {
     let needed =
         [Role::WaypointSelector, Role::Controller, Role::StepGenerator, Role::PoseEstimator, Role::Plant];
     for role in needed {
-        let first = log.lives.all.iter().any(|life| life.role == role && life.state.is_none());
+        let first = log.lives.all.iter().any(|life| life.role == role && life.begins_whole());
         let earlier = log.lives.earlier.values().any(|earlier| *earlier == role);
         let foreign = role == Role::Controller && !log.commands.is_empty();
         if (!first && !foreign) || earlier {
@@ -143,6 +143,14 @@ impl Outside {
         }
         outside.ending = arrived.and_then(|arrived| outside.find_ending(arrived));
         Ok(outside)
+    }
+
+    /// Commands of ours that were sent when the drive begins, and are taken in later.
+    pub fn under_way(&self, log: &RunLog, lost: &Lost) -> BTreeMap<Answer, Command> {
+        let sent = log.commands.values().flatten().chain(lost.values());
+        let sent = sent.filter(|command| command.pose_tick < log.begin);
+        let answers = sent.map(|command| ((command.source, command.epoch, command.pose_tick), *command));
+        answers.filter(|(answer, _)| self.taken.contains(answer)).collect()
     }
 
     fn add_life(

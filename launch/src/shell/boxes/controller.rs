@@ -7,12 +7,14 @@ use crate::shell::checkpoint::key_of;
 use crate::shell::page::MAX_WAIT;
 use crate::shell::pairing::Pairing;
 use crate::shell::renewal::Renewals;
+use crate::shell::standing::Stands;
 use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Garbled, Reactive, Report, Worker};
 use hilare_controller::{Controller, ControllerInputs, Identity, LawSpec};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{Command, Fallback, HealthState, Pose, Reference};
+use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role, SUCCESSOR_PERIODS};
 use std::time::Duration;
 use std::{iter, mem};
@@ -200,6 +202,14 @@ impl Reactive for ControllerProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn stands(&mut self, room: &mut [u64]) -> Option<Stands> {
+        self.done.map(|done| Stands {
+            done: Some(done),
+            number: self.controller.number(),
+            words: self.controller.save_state(room).unwrap_or(0),
+        })
     }
 
     fn poll_interval(&self) -> Duration {

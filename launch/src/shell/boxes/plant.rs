@@ -3,11 +3,13 @@
 use super::is_new;
 use crate::shell::page::MAX_WAIT;
 use crate::shell::renewal::Renewals;
+use crate::shell::standing::Stands;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
 use crate::shell::{ClockKind, build};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{PoseFix, Steps, Truth, Wheels};
+use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
 use hilare_plant::Plant;
 use std::mem;
@@ -106,6 +108,11 @@ impl Reactive for PlantProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn stands(&mut self, room: &mut [u64]) -> Option<Stands> {
+        let done = Some(self.done?);
+        Some(Stands { done, number: 0, words: self.plant.save_state(room).unwrap_or(0) })
     }
 
     fn poll_interval(&self) -> Duration {

@@ -6,6 +6,7 @@ use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::pairing::{Fixes, Pairing};
 use crate::shell::renewal::Renewals;
+use crate::shell::standing::Stands;
 use crate::shell::told::Told;
 use crate::shell::transport::{Input, Output};
 use crate::shell::worker::{Reactive, Report, Worker};
@@ -205,6 +206,11 @@ impl Reactive for EstimatorProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn stands(&mut self, room: &mut [u64]) -> Option<Stands> {
+        let words = self.reckoner.save_state(room).unwrap_or(0);
+        Some(Stands { done: self.done, number: 0, words })
     }
 
     fn connect(&self) {

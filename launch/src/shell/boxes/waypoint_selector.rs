@@ -5,10 +5,12 @@ use crate::shell::build;
 use crate::shell::checkpoint::key_of;
 use crate::shell::page::News;
 use crate::shell::renewal::Renewals;
+use crate::shell::standing::Stands;
 use crate::shell::transport::{Input, Output, SliceInput};
 use crate::shell::worker::{Reactive, Report, Worker};
 use hilare_interfaces::block::{Block, Tick};
 use hilare_interfaces::messages::{JournalKind, MAX_WAYPOINTS, PathHeader, Pose, Reference, Waypoint};
+use hilare_interfaces::state::Stateful;
 use hilare_interfaces::wires::{self, Role};
 use hilare_waypoint_selector::{NewPath, SelectorInputs, WaypointSelector};
 use std::mem;
@@ -185,6 +187,11 @@ impl Reactive for SelectorProcess {
 
     fn report(&self) -> Report {
         self.report
+    }
+
+    fn stands(&mut self, room: &mut [u64]) -> Option<Stands> {
+        let words = self.selector.save_state(room).unwrap_or(0);
+        Some(Stands { done: self.done, number: 0, words })
     }
 
     fn connect(&self) {

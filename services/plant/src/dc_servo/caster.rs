@@ -2,6 +2,7 @@
 
 use super::{DcServoParams, dot};
 use crate::contact::{CREEP_MPS, drag_nspm, turned};
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Speed at which a caster's swivel friction is half there, rad/s.
 const SWIVEL_CREEP_RADPS: f64 = 0.1;
@@ -85,4 +86,13 @@ fn share(part: f64, rest: f64) -> f64 {
 fn unit([x, y]: [f64; 2]) -> [f64; 2] {
     let scale = 1.5 - 0.5 * (x * x + y * y);
     [x * scale, y * scale]
+}
+
+impl Stateful for Caster {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        words.finite(&mut self.rolls);
+        for speed in [&mut self.swivel_radps, &mut self.scrub_mps] {
+            words.finite(core::slice::from_mut(speed));
+        }
+    }
 }

@@ -36,6 +36,7 @@ use hilare_interfaces::block::{TICK_S, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Steps;
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{StateWords, Stateful};
 use wheel::{Drive, Guess, Wheel};
 
 param_group! {
@@ -267,6 +268,17 @@ impl DcServo {
             system.add(across, dt_s * scrub, 0.0);
         }
         system.solve()
+    }
+}
+
+impl Stateful for DcServo {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        self.wheels.iter_mut().for_each(|wheel| wheel.visit_state(words));
+        self.casters.iter_mut().for_each(|caster| caster.visit_state(words));
+        self.slip.visit_state(words);
+        words.pose(&mut self.pose);
+        words.finite(&mut self.velocity);
+        words.word(&mut self.tick);
     }
 }
 

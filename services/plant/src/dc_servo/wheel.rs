@@ -4,6 +4,7 @@ use super::{DcServoParams, dot};
 use crate::contact::{CREEP_MPS, drag_nspm, encoder_counts};
 use core::f64::consts::TAU;
 use hilare_interfaces::block::TICK_S;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 /// Speed at which a gear's dry friction is half there, rad/s.
 const GEAR_CREEP_RADPS: f64 = 0.02;
@@ -108,5 +109,19 @@ impl Wheel {
             stiffness: own * per_all,
             dragged: radius_m * drag * per_all,
         }
+    }
+}
+
+impl Stateful for Wheel {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        let numbers = [
+            &mut self.speed_radps,
+            &mut self.angle_rad,
+            &mut self.measured_radps,
+            &mut self.integral_v,
+            &mut self.motor_v,
+        ];
+        numbers.into_iter().for_each(|number| words.finite(core::slice::from_mut(number)));
+        words.signed(&mut self.counts);
     }
 }

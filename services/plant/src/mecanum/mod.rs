@@ -25,6 +25,7 @@ use hilare_interfaces::block::{TICK_S, Tick};
 use hilare_interfaces::geometry::WorldPose;
 use hilare_interfaces::messages::Steps;
 use hilare_interfaces::param_group;
+use hilare_interfaces::state::{StateWords, Stateful};
 
 param_group! {
     /// Mass, servos and rollers, and what else the control path does not know.
@@ -233,6 +234,19 @@ impl Mecanum {
             guess = system.solve();
         }
         self.velocity = guess;
+    }
+}
+
+impl Stateful for Mecanum {
+    fn visit_state(&mut self, words: &mut StateWords<'_>) {
+        for wheel in &mut self.wheels {
+            words.finite(core::slice::from_mut(&mut wheel.speed_radps));
+            words.finite(core::slice::from_mut(&mut wheel.angle_rad));
+        }
+        self.slip.visit_state(words);
+        words.pose(&mut self.pose);
+        words.finite(&mut self.velocity);
+        words.word(&mut self.tick);
     }
 }
 

@@ -1,6 +1,9 @@
 //! Several controllers: standby, promotion, terms, trial, the change from one to the other.
 
 use super::*;
+use crate::whole::Whole;
+use hilare_interfaces::layout::WireMessage;
+use std::vec::Vec;
 
 const ACTIVE: Pair = (3, 10);
 const STANDBY: Pair = (5, 11);
@@ -65,7 +68,7 @@ impl Team {
     /// One control cycle; `speeds` of the controllers that answer in it.
     fn cycle(&mut self, speeds: [Option<f64>; 3]) -> [Steps; 5] {
         core::array::from_fn(|n| {
-            let mut commands = std::vec::Vec::new();
+            let mut commands = Vec::new();
             for (of, speed) in speeds.iter().enumerate() {
                 if let (0, Some(speed)) = (n, speed) {
                     commands.push(self.command(of, *speed));
@@ -148,7 +151,7 @@ fn a_successor_that_answers_two_cycles_at_once_goes_on_without_a_trace() {
             vx_mps,
             ..Command::ZERO
         };
-        let (now, mut commands) = (team.tick, std::vec::Vec::new());
+        let (now, mut commands) = (team.tick, Vec::new());
         commands.extend(before.map(|vx_mps| command(1, now, vx_mps)));
         commands.push(command(2, now + 5, 0.04));
         (0..5).for_each(|_| assert_eq!(team.tick_with(&[]).twist[0], 0.02));
@@ -326,4 +329,73 @@ fn a_successor_goes_on_with_tick_counts_and_counters_at_rest_and_disarmed() {
     assert!(!successor.generator.load_state(&room[..used - 1]));
     room[0] = u64::MAX;
     assert!(!successor.generator.load_state(&room[..used]), "no run is that long");
+}
+
+/// A generator with all that another one remembers.
+fn copied(generator: &mut StepGenerator) -> (StepGenerator, usize) {
+    let mut room = [0; 512];
+    let used = Whole(generator).save_state(&mut room).expect("room");
+    let mut other = Team::new().generator;
+    assert!(Whole(&mut other).load_state(&room[..used]));
+    for len in 0..used {
+        assert!(!Whole(&mut Team::new().generator).load_state(&room[..len]), "{len}");
+    }
+    (other, used)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    #[test]
+    fn in_the_middle_of_any_drive_a_whole_copy_goes_on_to_the_same_bits(
+        cycles in proptest::collection::vec((0u8..8, -0.05..0.05f64, 0u8..6), 8..40),
+        cut in 0usize..200,
+        pauses in proptest::collection::vec(0u64..4, 200),
+    ) {
+        let mut team = Team::new();
+        let mut copy = None;
+        for (tick, paused_ticks) in (0..5 * cycles.len()).zip(pauses) {
+            let (who, vx_mps, what) = cycles[tick / 5];
+            let mut commands = Vec::new();
+            if tick % 5 == usize::from(what % 4) {
+                commands.extend((0..3).filter(|of| who >> of & 1 == 1).map(|of| team.command(of, vx_mps)));
+            }
+            if what == 5 && tick % 5 == 1 {
+                let modes = [Mode::Armed, Mode::Stop, Mode::Armed, Mode::EStop, Mode::Disarmed];
+                team.authority.mode = modes[tick / 5 % 5].code();
+                team.authority.term += u64::from(who == 7);
+            }
+            team.authority.seq += 1;
+            let authority = (tick % 3 == 0).then_some(&team.authority);
+            if tick == cut {
+                copy = Some(copied(&mut team.generator).0);
+            }
+            let inputs = StepInputs { authority, commands: &commands, paused_ticks };
+            let steps = team.generator.step(team.tick, inputs);
+            if let Some(copy) = &mut copy {
+                let again = copy.step(team.tick, inputs);
+                prop_assert!(again.as_bytes() == steps.as_bytes(), "{again:?} {steps:?}");
+            }
+            team.tick += 1;
+        }
+    }
+
+    #[test]
+    fn what_is_no_whole_state_is_refused_and_whatever_is_taken_on_can_be_stepped(
+        changes in proptest::collection::vec((0usize..400, prop_oneof![0u64..8, any::<u64>()]), 1..4),
+    ) {
+        let mut team = Team::new();
+        team.cycles(9, [Some(0.04), Some(0.04), Some(0.01)]);
+        let mut room = [0; 512];
+        let used = Whole(&mut team.generator).save_state(&mut room).expect("room");
+        for (at, word) in changes {
+            room[at % used] = word;
+        }
+        let mut other = Team::new();
+        if Whole(&mut other.generator).load_state(&room[..used]) {
+            other.tick = other.generator.state().tick;
+            let steps = other.cycles(9, [Some(0.04), None, None]);
+            prop_assert!(steps.twist.iter().all(|part| part.is_finite()));
+        }
+    }
 }
