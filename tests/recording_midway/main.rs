@@ -58,7 +58,7 @@ fn in_real_time() -> (Midway, bool) {
 fn a_recording_begun_in_mid_drive_replays_to_its_bits_in_real_time() {
     let _machine = whole_machine();
     let midway = whole(in_real_time);
-    let report = midway.replayed(700.0);
+    let report = midway.replayed(500.0);
     assert!(compared(&report, "controller", "command") > 500.0, "{report:#}");
     assert!(compared(&report, "step_generator", "taken in") > 500.0, "{report:#}");
     assert_eq!(compared(&report, "planner", "answer"), 1.0, "{report:#}");
@@ -113,8 +113,9 @@ fn a_recording_begun_in_mid_drive_replays_to_its_bits_in_virtual_time() {
         end(run);
         (midway, whole)
     });
-    let report = midway.replayed(2000.0);
-    assert!(compared(&report, "controller", "command") > 2000.0, "{report:#}");
+    // Eight times a third of a second, five ticks a control period.
+    let report = midway.replayed(500.0);
+    assert!(compared(&report, "controller", "command") > 500.0, "{report:#}");
     driven_again(&midway);
 }
 
