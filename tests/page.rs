@@ -178,6 +178,19 @@ fn a_click_on_stop_stops_it_within_a_tenth_of_a_second() {
 }
 
 #[test]
+fn a_stop_that_meets_a_page_that_hangs_is_not_forgotten() {
+    let Some(browser) = Browser::find("a_stop_that_meets_a_page_that_hangs_is_not_forgotten") else { return };
+    let _machine = support::whole_machine();
+    let lab = Lab::new();
+    let (robot, url) = up(&lab, &[]);
+    browser.run(&lab, &robot, &url, "hung", &[]);
+    let log = fs::read_to_string(lab.runtime_dir().join(format!("{robot}.log"))).expect("a log");
+    // Ten times supervision.hung_after_s: nobody on the tick knows of it.
+    assert!(log.contains("operator gave no sign of life for 3 s: starting it again"), "{log}");
+    down(&lab, &robot);
+}
+
+#[test]
 fn in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost() {
     let Some(browser) = Browser::find("in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost") else {
         return;

@@ -1,6 +1,6 @@
 //! What launch says, four times a second: status, measurements, log.
 
-use super::hello::hello;
+use super::hello::{hello, launch};
 use super::orders::for_page;
 use super::{Shared, lock};
 use crate::config::System;
@@ -85,6 +85,7 @@ impl Slow {
 pub struct Teller {
     shared: Arc<Shared>,
     clock: String,
+    launch: String,
     system: System,
     number: u64,
     hello: Value,
@@ -95,6 +96,7 @@ impl Teller {
     /// For the worker that has the page.
     pub fn new(shared: Arc<Shared>, worker: &Worker) -> Self {
         Self {
+            launch: launch(&shared.runtime_dir),
             shared,
             clock: worker.assignment.clock.to_string(),
             system: worker.system.clone(),
@@ -120,7 +122,7 @@ impl Teller {
     }
 
     fn greet(&mut self) {
-        let hello = hello(&self.system, &self.clock);
+        let hello = hello(&self.system, &self.clock, &self.launch);
         if hello != self.hello {
             self.shared.live.set_hello(&hello);
             self.hello = hello;

@@ -21,6 +21,8 @@ export class Link {
     this.state = "connecting";
     this.tries = 0;
     this.next = 1;
+    /** Something waits for the next connection. */
+    this.urgent = false;
     this.waiting = new Map();
     this.open();
     setInterval(() => this.watch(), LOOK_MS);
@@ -32,6 +34,7 @@ export class Link {
     this.socket = socket;
     // What comes over a connection that was given up is of yesterday.
     const now = (act) => (event) => this.socket === socket && act(event);
+    this.began = performance.now();
     // It is no connection before the robot is heard.
     socket.onopen = now(() => (this.heard = performance.now()));
     socket.onmessage = now((event) => {
@@ -56,12 +59,14 @@ export class Link {
     this.become("lost");
     for (const answer of this.waiting.values()) answer({ ok: false, message: "the connection was lost before the answer came; whether it was done is not known" });
     this.waiting.clear();
-    setTimeout(() => this.open(), RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)]);
+    const rest = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
+    setTimeout(() => this.open(), this.urgent ? RETRY_MS[0] : rest);
   }
 
   watch() {
-    if (!this.isOpen) return;
-    const silence = performance.now() - this.heard;
+    if (!this.socket) return;
+    // A host that is gone, or a process that hangs, leaves it half open.
+    const silence = performance.now() - (this.isOpen ? this.heard : this.began);
     if (silence > SILENCE_MS) {
       this.socket.close();
       this.lose();
@@ -70,6 +75,11 @@ export class Link {
 
   get isOpen() {
     return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** It is open, and the robot was heard over it. */
+  get isHeard() {
+    return this.isOpen && ["open", "stale"].includes(this.state);
   }
 
   settle(message) {
@@ -105,7 +115,6 @@ export class Link {
     if (first?.ok) return first;
     const done = (answer) => (answer.ok ? answer : Promise.reject(answer));
     const any = Promise.any([bySocket.then(done), this.post(what).then(done)]).catch(({ errors }) => errors.at(-1));
-    const answer = (await Promise.race([any, after(STOP_ANSWER_MS)])) ?? { ok: false, message: "no answer" };
-    return answer.ok ? answer : { ...answer, message: `${what.toUpperCase()} HAS NOT REACHED THE ROBOT: ${answer.message}` };
+    return (await Promise.race([any, after(STOP_ANSWER_MS)])) ?? { ok: false, message: "no answer" };
   }
 }

@@ -11,6 +11,7 @@ import { MapPicture } from "./map.js";
 import { DrawnPath } from "./path.js";
 import { Bars, Strip, lineSample } from "./plots.js";
 import { StatePanel } from "./state.js";
+import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 
 const TOOLS = ["pan", "draw", "free", "goal"];
@@ -58,6 +59,7 @@ const heard = {
     $("roadmap").checked = false;
     picture.begin(message.map);
     drawing.of(message.robot);
+    stopping.meet(message.launch);
   },
   trail(message) {
     for (const which of ["estimate", "truth"]) message[which].forEach(([x, y]) => picture.extendTrail(which, x, y));
@@ -83,6 +85,7 @@ const heard = {
     if (message.pose) plot([message.time_s, message.speed_mps, message.reference_mps, message.cross_track_m, message.cross_track_truth_m]);
     fitOnce();
     picture.touch();
+    stopping.see(message);
     panel.note(message);
   },
   status(message) {
@@ -108,6 +111,8 @@ const link = new Link(
   (message) => heard[message.type]?.(message),
   (state) => panel.connection(state),
 );
+const stopping = new Stopping(link, () => panel.show(), (text) => hint(text, 4));
+panel.stopping = stopping;
 const drawing = new Drawing(path, picture, link);
 const laws = new Laws(async (law) => (await order("swap", { law })).ok, () => panel.last?.law);
 
@@ -134,10 +139,9 @@ async function orderPath(what, more) {
   return answer;
 }
 
-async function stop(what = "stop") {
+function stop(what = "stop") {
   if ($("ask").open) $("ask").close("no");
-  const answer = await link.stop(what);
-  hint(answer.message, answer.ok ? 4 : 0);
+  stopping.press(what, panel.last?.tick ?? 0);
 }
 
 async function run() {

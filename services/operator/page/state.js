@@ -26,6 +26,7 @@ export class StatePanel {
     this.last = null;
     this.at = 0;
     this.link = "lost"; // until something is heard
+    this.stopping = null;
   }
 
   /** Takes over what the robot says of itself. */
@@ -57,8 +58,10 @@ export class StatePanel {
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
-    put("state-text", old ? old[0] : text);
-    const why = old?.[1] ?? (s && reason(s, state));
+    const stop = this.stopping?.words();
+    document.body.toggleAttribute("data-stopping", !!stop);
+    put("state-text", (old ?? stop)?.[0] ?? text);
+    const why = [stop?.[1], old?.[1] ?? (s && reason(s, state))].filter(Boolean).join(" ");
     $("fault").hidden = !why;
     if (why) put("fault", why);
     this.buttons(state);
@@ -73,12 +76,14 @@ export class StatePanel {
   buttons(state) {
     const s = this.last;
     const off = !s || s.gone || this.link === "lost";
+    // First the STOP that is under way.
+    const waits = !!this.stopping?.what;
     const latched = s?.mode === "e-stop";
-    $("arm").disabled = off || latched || s.mode === "armed";
+    $("arm").disabled = off || waits || latched || s.mode === "armed";
     $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
-    $("pause").disabled = off || !["driving", "stopped"].includes(state);
+    $("pause").disabled = off || waits || !["driving", "stopped"].includes(state);
     $("reset").disabled = off || !latched;
-    $("run").disabled = off || latched || !this.hasPath();
+    $("run").disabled = off || waits || latched || !this.hasPath();
     $("law").disabled = off || $("law").dataset.busy === "yes";
   }
 }
