@@ -21,12 +21,14 @@ const LOOK_MS = 100;
 let fitted = false;
 /** A path is on its way to the robot: what it drives next is what was drawn. */
 let sending = false;
+/** The launch of the robot that is heard; and the path of the one before, as text, which is a drawing now. */
+let [launch, left] = [null, null];
 
 const path = new DrawnPath(() => pathChanged());
 let picture = null;
 const view = new View($("map"), () => picture?.touch());
 picture = new MapPicture($("map"), view, path);
-const panel = new StatePanel(() => path.points.length > 1 || panel.last?.path_state !== "idle");
+const panel = new StatePanel();
 const speed = new Strip($("plot-speed"), [
   { label: "commanded", ink: "blue" },
   { label: "reference", ink: "green", dash: [6, 4] },
@@ -59,7 +61,9 @@ const heard = {
     $("roadmap").checked = false;
     picture.begin(message.map);
     drawing.of(message.robot);
-    stopping.meet(message.launch);
+    if (launch !== null && launch !== message.launch) leave();
+    launch = message.launch;
+    stopping.meet(launch);
   },
   trail(message) {
     for (const which of ["estimate", "truth"]) message[which].forEach(([x, y]) => picture.extendTrail(which, x, y));
@@ -71,7 +75,7 @@ const heard = {
   path(message) {
     picture.active = message.waypoints.length ? message : null;
     // What was sent comes back as it is driven: perhaps with the way to its beginning.
-    if (picture.active && (!path.unsent || sending)) path.replace(message.waypoints, false);
+    if (picture.active && (!path.unsent || sending || left === JSON.stringify(path.points))) path.replace(message.waypoints, false);
     fitOnce();
     pathChanged();
   },
@@ -98,6 +102,14 @@ const heard = {
   },
   log: (message) => addLines(message.lines),
 };
+
+/** The robot that had the path is no more, its successor has none: what is left of it is a drawing. */
+function leave() {
+  picture.goal = null;
+  if (path.unsent || !path.points.length) return;
+  left = JSON.stringify(path.points);
+  path.touch();
+}
 
 function fitOnce() {
   if (fitted || !(picture.active || picture.map || picture.robot.pose)) return;
@@ -176,7 +188,10 @@ const press = (id) => $(id).click();
 $("stop").addEventListener("pointerdown", () => stop());
 $("stop").addEventListener("click", (event) => event.detail === 0 && stop());
 $("estop").addEventListener("click", () => stop("estop"));
-$("run").addEventListener("click", run);
+$("run").addEventListener("click", () => {
+  if ((path.unsent && path.points.length > 1) || panel.last?.path_state !== "idle") run();
+  else hint("draw or import a path first; Arm lets commands act without one");
+});
 $("pause").addEventListener("click", () => ($("pause").textContent === "Pause" ? stop() : order("arm")));
 $("arm").addEventListener("click", () => order("arm"));
 $("reset").addEventListener("click", async () => (await sure("Release the emergency stop? The robot stays disarmed.", "Release")) && order("reset"));

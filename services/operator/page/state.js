@@ -20,9 +20,7 @@ export function stateOf(s) {
 }
 
 export class StatePanel {
-  /** `hasPath()` tells whether there is anything to be driven. */
-  constructor(hasPath) {
-    this.hasPath = hasPath;
+  constructor() {
     this.last = null;
     this.at = 0;
     this.link = "lost"; // until something is heard
@@ -83,7 +81,7 @@ export class StatePanel {
     $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
     $("pause").disabled = off || waits || !["driving", "stopped"].includes(state);
     $("reset").disabled = off || !latched;
-    $("run").disabled = off || waits || latched || !this.hasPath();
+    $("run").disabled = off || waits || latched;
     $("law").disabled = off || $("law").dataset.busy === "yes";
   }
 }
