@@ -121,7 +121,7 @@ function fitOnce() {
 
 const link = new Link(
   (message) => heard[message.type]?.(message),
-  (state) => panel.connection(state),
+  (state) => panel.connection(state, link.refusal),
 );
 const stopping = new Stopping(link, () => panel.show(), (text) => hint(text, 4));
 panel.stopping = stopping;

@@ -24,6 +24,7 @@ export class StatePanel {
     this.last = null;
     this.at = 0;
     this.link = "lost"; // until something is heard
+    this.refusal = null;
     this.stopping = null;
   }
 
@@ -34,14 +35,15 @@ export class StatePanel {
     this.show();
   }
 
-  /** Takes over how the connection is. */
-  connection(link) {
-    this.link = link;
+  /** Takes over how the connection is, and what the server said if it refused it. */
+  connection(link, refusal) {
+    Object.assign(this, { link, refusal });
     this.show();
   }
 
   /** Why what is shown is old, or null. A robot that was never armed has no ticks yet. */
   old() {
+    if (this.link === "refused") return refused(this.refusal);
     if (this.last?.gone) return null;
     if (this.link === "lost") return ["NO CONNECTION", "No connection to the robot: what is shown is old, and STOP does not reach it from here. Trying again."];
     const silent = this.link === "stale" || (this.last?.tick > 0 && performance.now() - this.at > OLD_MS);
@@ -52,14 +54,16 @@ export class StatePanel {
     const old = this.old();
     const link = old && this.link === "open" ? "stale" : this.link;
     document.body.dataset.link = link;
-    put("link", { open: "connected", stale: "silent", lost: "lost" }[link]);
+    put("link", { open: "connected", stale: "silent", lost: "lost", refused: "refused" }[link]);
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
     const stop = this.stopping?.words();
     document.body.toggleAttribute("data-stopping", !!stop);
-    put("state-text", (old ?? stop)?.[0] ?? text);
-    const why = [stop?.[1], old?.[1] ?? (s && reason(s, state))].filter(Boolean).join(" ");
+    put("state-text", old?.[0] ?? stop?.name ?? text);
+    // A STOP that has not arrived says all there is to say of the connection.
+    const rest = old ? !stop?.late && old[1] : s && reason(s, state);
+    const why = [stop?.text, rest].filter(Boolean).join(" ");
     $("fault").hidden = !why;
     if (why) put("fault", why);
     this.buttons(state);
@@ -73,7 +77,7 @@ export class StatePanel {
   /** What cannot be done now cannot be pressed; STOP and e-stop always can. */
   buttons(state) {
     const s = this.last;
-    const off = !s || s.gone || this.link === "lost";
+    const off = !s || s.gone || ["lost", "refused"].includes(this.link);
     // First the STOP that is under way.
     const waits = !!this.stopping?.what;
     const latched = s?.mode === "e-stop";
@@ -84,6 +88,13 @@ export class StatePanel {
     $("run").disabled = off || waits || latched;
     $("law").disabled = off || $("law").dataset.busy === "yes";
   }
+}
+
+/** Why the server lets this page not in. */
+function refused({ status, why }) {
+  if (status === 503) return ["NO ROOM", `The robot has no room for this page: ${why}. STOP does not reach it from here.`];
+  const anew = status === 401 ? " Every start of the robot makes a new token." : "";
+  return ["NOT ALLOWED", `The robot does not let this page in: ${why}.${anew} STOP does not reach it from here.`];
 }
 
 function reason(s, state) {

@@ -77,11 +77,11 @@ export class Stopping {
     this.changed();
   }
 
-  /** What the operator has to know of it, or null: a word or two, and a sentence. */
+  /** What the operator has to know of it, or null: a word or two, a sentence, and whether it has failed so far. */
   words() {
     if (!this.what || performance.now() - this.since < SAID_MS) return null;
     const name = this.what === "stop" ? "STOP" : "E-STOP";
-    if (!this.why) return [`${name} SENT`, `${name} sent, waiting for the robot's answer.`];
-    return [`${name} NOT TAKEN`, `${name} HAS NOT REACHED THE ROBOT: ${this.why}. It is sent again as soon as the robot is heard.`];
+    if (!this.why) return { name: `${name} SENT`, text: `${name} sent, waiting for the robot's answer.`, late: false };
+    return { name: `${name} NOT TAKEN`, late: true, text: `${name} HAS NOT REACHED THE ROBOT: ${this.why}. It is sent again as soon as the robot is heard.` };
   }
 }

@@ -124,6 +124,7 @@ fn pages(desks: Arc<Desks>, rules: Arc<Rules>) -> Router {
     router
         .route("/metrics", get(metrics))
         .route("/ws", get(socket))
+        .route("/api/entry", get(entry))
         .route("/api/stop", post(|state, headers, body| order(Order::Stop, state, headers, body)))
         .route("/api/estop", post(|state, headers, body| order(Order::Estop, state, headers, body)))
         .with_state(desks)
@@ -185,10 +186,16 @@ async fn metrics(State(desks): State<Arc<Desks>>, request: Request<Body>) -> Res
     }
 }
 
+const FULL: (StatusCode, &str) = (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n");
+
+/// Whether a page would be let in: of a WebSocket that is refused a browser does not say why.
+async fn entry(State(desks): State<Arc<Desks>>) -> Response {
+    if desks.presence.has_room() { StatusCode::NO_CONTENT.into_response() } else { FULL.into_response() }
+}
+
 async fn socket(State(desks): State<Arc<Desks>>, upgrade: WebSocketUpgrade) -> Response {
     let Some(visit) = desks.presence.enter() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n")
-            .into_response();
+        return FULL.into_response();
     };
     upgrade
         .max_message_size(MAX_MESSAGE)
