@@ -38,6 +38,8 @@ pub struct Slow {
     pub fault: Option<String>,
     /// Why it has to be armed again, if so.
     pub halted: Option<String>,
+    /// How the robot ends, if in good order.
+    pub ended: Option<String>,
     /// Number of the system file in force.
     pub system: u64,
     /// The robot has ended.
@@ -53,6 +55,7 @@ impl Default for Slow {
             standby: None,
             fault: None,
             halted: None,
+            ended: None,
             system: 0,
             down: false,
             answered: Instant::now(),
@@ -71,7 +74,7 @@ impl Slow {
         let why = status.fault.as_deref().map(for_page);
         let (fault, halted) = if status.halted { (None, why) } else { (why, None) };
         (self.fault, self.halted) = (fault, halted);
-        (self.mode, self.system) = (status.mode.clone(), status.system);
+        (self.mode, self.ended, self.system) = (status.mode.clone(), status.ended.clone(), status.system);
         self.answered = Instant::now();
     }
 

@@ -5,8 +5,19 @@ import { $, fixed, make, mm, put } from "./dom.js";
 /** Time without news of a robot whose ticks go on after which what is shown is old. */
 const OLD_MS = 1000;
 
+/** A robot that is down and all is well: what is said of it, by what launch said last. */
+const ENDED = {
+  arrived: ["RUN OVER: ARRIVED", "The run is over: the robot has arrived."],
+  "not arrived": ["RUN OVER", "The run is over; the robot has not arrived. Its verdict says why."],
+  "emergency stop": ["RUN OVER", "The run was ended by the emergency stop."],
+  interrupted: ["TAKEN DOWN", "The robot was taken down by a signal, as Ctrl-C is one."],
+  "taken down": ["TAKEN DOWN", "The robot was taken down (hilare down)."],
+};
+const AGAIN = "This page shows the next one that comes up here.";
+
 /** What the operator has to know: a kind, and a word or two. */
 export function stateOf(s) {
+  if (ENDED[s.ended]) return ["ended", ENDED[s.ended][0]];
   if (s.gone) return ["fault", "ROBOT IS DOWN"];
   if (s.fault) return ["fault", "FAULT"];
   if (s.mode === "e-stop") return ["estop", "EMERGENCY STOP"];
@@ -52,9 +63,9 @@ export class StatePanel {
 
   show() {
     const old = this.old();
-    const link = old && this.link === "open" ? "stale" : this.link;
+    const link = old && this.link === "open" ? "stale" : !old && this.last?.ended ? "ended" : this.link;
     document.body.dataset.link = link;
-    put("link", { open: "connected", stale: "silent", lost: "lost", refused: "refused" }[link]);
+    put("link", { open: "connected", stale: "silent", lost: "lost", refused: "refused", ended: "closed" }[link]);
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
@@ -98,6 +109,7 @@ function refused({ status, why }) {
 }
 
 function reason(s, state) {
+  if (state === "ended") return `${ENDED[s.ended][1]} ${AGAIN}`;
   if (s.fault ?? s.halted) return s.fault ?? s.halted;
   if (s.gone) return "The robot has ended, or its launch does not answer; its log says why.";
   return state === "estop" ? "Emergency stop: nothing moves until Reset, then Arm." : null;
