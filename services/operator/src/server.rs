@@ -40,6 +40,9 @@ const BODY_BYTES: usize = 1 << 10;
 const FRESH: Duration = Duration::from_millis(200);
 /// Time a look may take.
 const LOOK: Duration = Duration::from_secs(4);
+/// What a page is told for which there is no room.
+const FULL: (StatusCode, &str) =
+    (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n");
 /// What the page may do in a browser: nothing but what comes from here. A map comes as `data:`.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; connect-src 'self'; object-src 'none'; \
     frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
@@ -185,8 +188,6 @@ async fn metrics(State(desks): State<Arc<Desks>>, request: Request<Body>) -> Res
         Err(why) => (StatusCode::SERVICE_UNAVAILABLE, format!("hilare: {why}\n")).into_response(),
     }
 }
-
-const FULL: (StatusCode, &str) = (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n");
 
 /// Whether a page would be let in: of a WebSocket that is refused a browser does not say why.
 async fn entry(State(desks): State<Arc<Desks>>) -> Response {
