@@ -15,7 +15,7 @@ export class Stopping {
     Object.assign(this, { link, changed, say });
     /** What the robot is not known to have taken: "stop", "estop" or null. */
     this.what = null;
-    /** Why it has not, as far as is known. */
+    /** Why it has not, once a try has failed. */
     this.why = "";
     /** When it was pressed, at which tick, and for which launch of the robot; and which is heard. */
     this.since = this.tick = 0;
@@ -30,6 +30,8 @@ export class Stopping {
     // An emergency stop is not less for a stop after it.
     if (this.what !== "estop") this.what = what;
     this.why = "";
+    // What was said before is not of now.
+    this.say("");
     this.since = performance.now();
     this.tick = tick;
     this.meant = this.heard;
