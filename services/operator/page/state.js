@@ -7,8 +7,8 @@ const OLD_MS = 1000;
 
 /** A robot that is down and all is well: what is said of it, by what launch said last. */
 const ENDED = {
-  arrived: ["RUN OVER: ARRIVED", "The run is over: the robot has arrived."],
-  "not arrived": ["RUN OVER", "The run is over; the robot has not arrived. Its verdict says why."],
+  arrived: ["RUN OVER: ARRIVED", "The run is over: the robot has arrived. The verdict and where the report lies stand where it was started."],
+  "not arrived": ["RUN OVER", "The run is over; the robot has not arrived. The verdict, where it was started, says why."],
   "emergency stop": ["RUN OVER", "The run was ended by the emergency stop."],
   interrupted: ["TAKEN DOWN", "The robot was taken down by a signal, as Ctrl-C is one."],
   "taken down": ["TAKEN DOWN", "The robot was taken down (hilare down)."],
