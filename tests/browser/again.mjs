@@ -27,6 +27,10 @@ async function ended(page, name, reason) {
   assert((await page.getAttribute("body", "data-state")) === "ended" && (await page.getAttribute("body", "data-link")) === "ended", "it is no fault");
   assert((await page.textContent("#fault")).includes(reason), await page.textContent("#fault"));
   for (const id of ["run", "pause", "arm", "reset", "law"]) assert(await page.locator(`#${id}`).isDisabled(), `${id} does nothing any more`);
+  assert(!(await page.textContent("#processes")).includes("dead"), "who has left is not dead");
+  await page.keyboard.press(" ");
+  await hint(page, "nothing to stop");
+  assert((await page.textContent("#state-text")) === name, "and is still down");
 }
 
 await inBrowser(async (page) => {

@@ -219,8 +219,10 @@ fn status(told: &Told) -> Value {
     let processes = told.status.processes.iter().map(|one| {
         let late = told.measured(one.slot).map(|measured| measured.taken.histogram());
         let late = late.filter(|histogram| histogram.count > 0).map(|histogram| us(histogram.quantile_ns(0.99)));
+        let left = told.status.ended.is_some() && one.state == "dead";
+        let state = if left { "left" } else { &one.state };
         json!({
-            "name": one.name, "law": one.law, "authority": one.authority, "state": one.state, "reason": one.reason,
+            "name": one.name, "law": one.law, "authority": one.authority, "state": state, "reason": one.reason,
             "restarts": one.restarts, "late_p99_us": late,
         })
     });

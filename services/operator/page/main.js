@@ -189,7 +189,7 @@ $("stop").addEventListener("pointerdown", () => stop());
 $("stop").addEventListener("click", (event) => event.detail === 0 && stop());
 $("estop").addEventListener("click", () => stop("estop"));
 $("run").addEventListener("click", () => {
-  if ((path.unsent && path.points.length > 1) || panel.last?.path_state !== "idle") run();
+  if (path.points.length > 1 || panel.last?.path_state !== "idle") run();
   else hint("draw or import a path first; Arm lets commands act without one");
 });
 $("pause").addEventListener("click", () => ($("pause").textContent === "Pause" ? stop() : order("arm")));

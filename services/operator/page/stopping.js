@@ -20,6 +20,8 @@ export class Stopping {
     /** When it was pressed, at which tick, and for which launch of the robot; and which is heard. */
     this.since = this.tick = 0;
     this.meant = this.heard = null;
+    /** The robot went down in good order. */
+    this.down = false;
     /** Tries under way, and when the last of them ended. */
     this.trying = this.tried = 0;
     setInterval(() => this.look(), LOOK_MS);
@@ -48,6 +50,9 @@ export class Stopping {
     if (answer.ok) {
       this.say(answer.message);
       if (this.what === what) this.what = null;
+    } else if (this.down) {
+      this.end();
+      this.say("the robot is down: there is nothing to stop");
     } else this.why = answer.message;
     this.changed();
   }
@@ -61,6 +66,7 @@ export class Stopping {
   /** A robot is heard anew, of this launch. A STOP is for the one that was in view. */
   meet(launch) {
     this.heard = launch;
+    this.down = false;
     if (!this.what) return;
     if (this.meant === null || this.meant === launch) this.try();
     else {
@@ -71,7 +77,8 @@ export class Stopping {
 
   /** What the robot says of itself. */
   see(state) {
-    if (this.what && ((state.tick > this.tick && TAKEN[this.what].includes(state.mode)) || state.ended)) this.end();
+    this.down = !!state.ended;
+    if (this.what && (this.down || (state.tick > this.tick && TAKEN[this.what].includes(state.mode)))) this.end();
   }
 
   end() {
