@@ -195,9 +195,6 @@ fn a_stop_that_meets_a_page_that_hangs_is_not_forgotten() {
     let lab = Lab::new();
     let (robot, url) = up(&lab, &[]);
     browser.run(&lab, &robot, &url, "hung", &[]);
-    let log = fs::read_to_string(lab.runtime_dir().join(format!("{robot}.log"))).expect("a log");
-    // Ten times supervision.hung_after_s: nobody on the tick knows of it.
-    assert!(log.contains("operator gave no sign of life for 3 s: starting it again"), "{log}");
     down(&lab, &robot);
 }
 

@@ -1,7 +1,7 @@
 // The page's process hangs in mid-drive, and STOP is pressed meanwhile: it waits for whoever answers next, the same
 // process or its successor, and the robot stops.
 
-import { assert, forgive, inBrowser, listen, picture, state, status, until } from "./page.mjs";
+import { ask, assert, command, forgive, inBrowser, listen, picture, robot, state, status, until, url } from "./page.mjs";
 
 const STOPPED = 4; // Drive::Stop
 const HANGS_MS = 1200;
@@ -62,8 +62,20 @@ await inBrowser(async (page) => {
   // A STOP that was taken is over.
   await page.waitForTimeout(1000);
   assert((await status()).mode === "armed", "it is not stopped again");
-  await page.click("#stop");
-  await state(page, "stopped");
+  // Ten times supervision.hung_after_s: nobody on the tick knows of it.
+  assert((await page.textContent("#log")).includes("operator gave no sign of life for 3 s: starting it again"), await page.textContent("#log"));
   await steps.end();
+
+  // One that was not is for the robot that was in view, not for the next.
+  process.kill(operator(await status()).pid, "SIGSTOP");
+  await page.waitForTimeout(HANGS_MS);
+  await page.click("#stop");
+  await fault(page, "STOP sent, waiting");
+  await ask("down");
+  await command("up", "--detach", "--robot", robot, "--listen", new URL(url).host, "--set", "supervision.arm_on_start=true");
+  await page.waitForFunction(() => document.getElementById("hint").textContent.includes("launched anew"));
+  await page.waitForSelector("#fault", { state: "hidden" });
+  await page.waitForTimeout(1000);
+  assert((await status()).mode === "armed", "nobody stops the next one");
   forgive(page);
 });
