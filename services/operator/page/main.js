@@ -21,8 +21,6 @@ const LOOK_MS = 100;
 let fitted = false;
 /** A path is on its way to the robot: what it drives next is what was drawn. */
 let sending = false;
-/** The launch of the robot that is heard; and the path of the one before, as text, which is a drawing now. */
-let [launch, left] = [null, null];
 
 const path = new DrawnPath(() => pathChanged());
 let picture = null;
@@ -40,6 +38,17 @@ const track = new Strip($("plot-track"), [
 const late = new Bars($("plot-late"));
 
 // ---- what the robot says
+
+/** The launch of the robot that is heard; and the path of the one before, as text, which is a drawing now. */
+let [launch, left] = [null, null];
+
+/** The robot that had the path is no more, its successor has none: what is left of it is a drawing. */
+function leave() {
+  picture.goal = null;
+  if (path.unsent || !path.points.length) return;
+  left = JSON.stringify(path.points);
+  path.touch();
+}
 
 /** A sample of the plots: s, then mm/s and mm, null where there is none. */
 function plot([t, ...values]) {
@@ -102,14 +111,6 @@ const heard = {
   },
   log: (message) => addLines(message.lines),
 };
-
-/** The robot that had the path is no more, its successor has none: what is left of it is a drawing. */
-function leave() {
-  picture.goal = null;
-  if (path.unsent || !path.points.length) return;
-  left = JSON.stringify(path.points);
-  path.touch();
-}
 
 function fitOnce() {
   if (fitted || !(picture.active || picture.map || picture.robot.pose)) return;

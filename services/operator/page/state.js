@@ -89,15 +89,15 @@ export class StatePanel {
   buttons(state) {
     const s = this.last;
     const off = !s || s.gone || ["lost", "refused"].includes(this.link);
-    // First the STOP that is under way.
-    const waits = !!this.stopping?.what;
     const latched = s?.mode === "e-stop";
-    $("arm").disabled = off || waits || latched || s.mode === "armed";
+    $("arm").disabled = off || latched || s.mode === "armed";
     $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
-    $("pause").disabled = off || waits || !["driving", "stopped"].includes(state);
+    $("pause").disabled = off || !["driving", "stopped"].includes(state);
     $("reset").disabled = off || !latched;
-    $("run").disabled = off || waits || latched;
+    $("run").disabled = off || latched;
     $("law").disabled = off || $("law").dataset.busy === "yes";
+    // First the STOP that is under way.
+    if (this.stopping?.what) for (const id of ["arm", "pause", "run"]) $(id).disabled = true;
   }
 }
 
