@@ -85,6 +85,17 @@ fn up(lab: &Lab, more: &[&str]) -> (String, String) {
     (robot, url)
 }
 
+/// Brings a robot up whose page is open to other machines: its name and the page's address here, with its token.
+fn up_for_others(lab: &Lab) -> (String, String) {
+    let (robot, port) = (lab.robot(), free_port());
+    let listen = format!("0.0.0.0:{port}");
+    let ended = lab.hilare(&["up", "--detach", "--robot", &robot, "--listen", &listen]).expect_code(0);
+    let (_, token) = ended.stdout.split_once("?token=").expect("an address with a token");
+    let token: String = token.chars().take_while(char::is_ascii_hexdigit).collect();
+    assert_eq!(token.len(), 32, "{}", ended.stdout);
+    (robot, format!("http://127.0.0.1:{port}/?token={token}"))
+}
+
 fn down(lab: &Lab, robot: &str) {
     lab.hilare(&["down", "--robot", robot]).expect_code(0);
     lab.assert_nothing_left("a page in a browser");
@@ -178,6 +189,16 @@ fn a_click_on_stop_stops_it_within_a_tenth_of_a_second() {
 }
 
 #[test]
+fn a_stop_that_meets_a_page_that_hangs_is_not_forgotten() {
+    let Some(browser) = Browser::find("a_stop_that_meets_a_page_that_hangs_is_not_forgotten") else { return };
+    let _machine = support::whole_machine();
+    let lab = Lab::new();
+    let (robot, url) = up(&lab, &[]);
+    browser.run(&lab, &robot, &url, "hung", &[]);
+    down(&lab, &robot);
+}
+
+#[test]
 fn in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost() {
     let Some(browser) = Browser::find("in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost") else {
         return;
@@ -187,6 +208,27 @@ fn in_mid_drive_laws_are_swapped_and_pages_loaded_anew_and_lost() {
     let (robot, url) = up(&lab, &[]);
     browser.run(&lab, &robot, &url, "swap", &[]);
     browser.run(&lab, &robot, &url, "lost", &[]);
+    down(&lab, &robot);
+}
+
+#[test]
+fn robots_come_and_go_under_an_open_page() {
+    let Some(browser) = Browser::find("robots_come_and_go_under_an_open_page") else { return };
+    let _machine = support::whole_machine();
+    let lab = Lab::new();
+    let (robot, url) = up(&lab, &[]);
+    browser.run(&lab, &robot, &url, "again", &[]);
+    wait_until("it has ended", || lab.processes().is_empty());
+    lab.assert_nothing_left("robots that came and went");
+}
+
+#[test]
+fn a_page_without_the_token_says_so_and_what_to_do() {
+    let Some(browser) = Browser::find("a_page_without_the_token_says_so_and_what_to_do") else { return };
+    let _machine = support::whole_machine();
+    let lab = Lab::new();
+    let (robot, url) = up_for_others(&lab);
+    browser.run(&lab, &robot, &url, "token", &[]);
     down(&lab, &robot);
 }
 
@@ -297,20 +339,16 @@ fn a_page_comes_back_with_its_robot_and_a_page_that_is_lost_stops_one_that_wants
 #[test]
 fn from_another_machine_nobody_speaks_to_the_robot_without_its_token() {
     let lab = Lab::new();
-    let (robot, port) = (lab.robot(), free_port());
-    let listen = format!("0.0.0.0:{port}");
-    let ended = lab.hilare(&["up", "--detach", "--robot", &robot, "--listen", &listen]).expect_code(0);
-    let (_, token) = ended.stdout.split_once("?token=").expect("an address with a token");
-    let token: String = token.chars().take_while(char::is_ascii_hexdigit).collect();
-    assert_eq!(token.len(), 32, "{}", ended.stdout);
+    let (robot, address) = up_for_others(&lab);
+    let (url, token) = address.split_once("?token=").expect("an address with a token");
     let status = lab.status(&robot).expect("up");
-    assert!(text(&status, "page").ends_with(&format!(":{port}/?token={token}")), "{status}");
-    let url = format!("http://127.0.0.1:{port}/");
-    assert!(socket(&url, "").expect_err("no token").starts_with("HTTP/1.1 401 "));
-    assert!(socket(&url, "Authorization: Bearer 0123456789abcdef0123456789abcdef\r\n").is_err());
-    socket(&url, &format!("Authorization: Bearer {token}\r\n")).expect("a WebSocket");
+    let shown = address.strip_prefix("http://127.0.0.1").expect("of this machine");
+    assert!(text(&status, "page").ends_with(shown), "{status}");
+    assert!(socket(url, "").expect_err("no token").starts_with("HTTP/1.1 401 "));
+    assert!(socket(url, "Authorization: Bearer 0123456789abcdef0123456789abcdef\r\n").is_err());
+    socket(url, &format!("Authorization: Bearer {token}\r\n")).expect("a WebSocket");
     // It stands in no log, and in no file that others can read.
     let log = fs::read_to_string(lab.runtime_dir().join(format!("{robot}.log"))).expect("a log");
-    assert!(log.contains("the page is at") && !log.contains(&token), "{log}");
+    assert!(log.contains("the page is at") && !log.contains(token), "{log}");
     down(&lab, &robot);
 }

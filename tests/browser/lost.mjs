@@ -35,10 +35,12 @@ await inBrowser(async (page) => {
   mute = true;
   await page.route("**/api/**", (route) => route.abort());
   await page.click("#stop");
-  await page.waitForFunction(() => document.getElementById("hint").textContent.startsWith("STOP HAS NOT REACHED THE ROBOT"));
+  await page.waitForFunction(() => document.getElementById("fault").textContent.startsWith("STOP HAS NOT REACHED THE ROBOT"));
+  assert(await page.locator("#arm").isDisabled(), "nothing is armed before the STOP has arrived");
   await page.unroute("**/api/**");
   mute = false;
   await page.waitForSelector("body[data-link=open]");
+  await page.waitForSelector("#fault", { state: "hidden" });
 
   // The page's process is killed: the robot does not care, and the page finds the next one.
   await page.click("#pause");

@@ -13,7 +13,7 @@ const env = (name) => {
 
 export const url = env("HILARE_PAGE");
 const hilare = env("HILARE_BIN");
-const robot = env("HILARE_TEST_ROBOT");
+export const robot = env("HILARE_TEST_ROBOT");
 /** Where pictures go, if they are wanted. */
 export const pictures = process.env.HILARE_PICTURES;
 /** Patience with a busy machine. */

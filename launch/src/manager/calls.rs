@@ -205,6 +205,7 @@ impl Manager {
             last_param_change: self.params.last.clone(),
             fault: self.fault.clone().or_else(|| self.halted.clone()),
             halted: self.fault.is_none() && self.halted.is_some(),
+            ended: self.ended().map(str::to_owned),
             system: self.systems.current,
             page: self.page_url.clone(),
             foxglove: self.foxglove_url(),

@@ -35,6 +35,21 @@ impl Manager {
         }
     }
 
+    /// How it ends, in good order and with everybody leaving.
+    pub(super) fn ended(&self) -> Option<&'static str> {
+        let runs = self.job.task.is_some();
+        match self.mode() {
+            _ if !self.leaving || self.fault.is_some() => None,
+            _ if runs && self.arrived() => Some("arrived"),
+            _ if self.down => Some("taken down"),
+            _ if self.interrupted => Some("interrupted"),
+            // It waits for an operator it does not have.
+            _ if self.halted.is_some() => None,
+            Mode::EStop => Some("emergency stop"),
+            _ => Some("not arrived"),
+        }
+    }
+
     fn await_rest(&mut self) {
         let deadline = Instant::now() + REST_PATIENCE;
         let clock_lives =

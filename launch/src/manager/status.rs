@@ -67,6 +67,9 @@ pub struct Status {
     pub fault: Option<String>,
     /// It can: it only has to be armed again.
     pub halted: bool,
+    /// How it ends, if it does and in good order: arrived, not arrived, emergency stop (of a run), interrupted, taken down.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ended: Option<String>,
     /// Number of the system file in force, in the runtime directory.
     pub system: u64,
     /// Where the operator's page is, if there is one.

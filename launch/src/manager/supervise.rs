@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tracing::{error, info, warn};
 
 /// A planner may think for a while between two signs of life, and whoever repeats for others waits for a busy machine.
-const PATIENCE_OFF_THE_LOOP: u32 = 10;
+const PATIENCE_OFF_THE_LOOP: f64 = 10.0;
 
 impl Manager {
     pub(super) fn died(&mut self, slot: usize, incarnation: u64, how: &str) {
@@ -181,7 +181,7 @@ impl Manager {
     ///
     /// Time is counted in launch's own looks: while launch itself gets no processor, nobody is late.
     pub(super) fn look_for_the_hung(&mut self) {
-        let patience_s = self.job.system.supervision.hung_after_s;
+        let hung_after_s = self.job.system.supervision.hung_after_s;
         if self.leaving || self.page.phase() != Phase::Go {
             return;
         }
@@ -197,18 +197,18 @@ impl Manager {
                 member.seen();
             }
             let silent = member.look(sign);
-            let patience = match member.role {
-                _ if starting => looks(START_PATIENCE.as_secs_f64()),
-                Role::Planner | Role::Relay | Role::Operator => looks(patience_s) * PATIENCE_OFF_THE_LOOP,
-                _ => looks(patience_s),
+            let patience_s = match member.role {
+                _ if starting => START_PATIENCE.as_secs_f64(),
+                Role::Planner | Role::Relay | Role::Operator => hung_after_s * PATIENCE_OFF_THE_LOOP,
+                _ => hung_after_s,
             };
             // An observer that hangs harms nobody, and has the figures. A trial is judged elsewhere.
-            let judged = member.role != Role::Recorder && member.duty != Duty::Trial && patience_s > 0.0;
+            let judged = member.role != Role::Recorder && member.duty != Duty::Trial && hung_after_s > 0.0;
             if member.duty == Duty::Retiring {
                 if member.retired.elapsed() > LEAVE_PATIENCE {
                     member.doom("did not leave".to_owned());
                 }
-            } else if judged && silent > patience {
+            } else if judged && silent > looks(patience_s) {
                 member.doom(match (starting, foreign) {
                     (true, _) => format!("did not start within {START_PATIENCE:?}"),
                     (_, true) => format!("had no valid command for {patience_s} s"),

@@ -1,6 +1,7 @@
 //! What a page has to know first: the robot, its laws, its map.
 
 use crate::config::System;
+use crate::shell::worker::system_file;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use hilare_controller::LAWS;
@@ -8,6 +9,9 @@ use hilare_operator::message::Place;
 use hilare_planner::Map;
 use hilare_planner::map::{GridPoint, Layer, MapFrame, Obstacle};
 use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
 
 /// Largest side of a map's picture, pixels.
 const PICTURE: usize = 2048;
@@ -18,14 +22,22 @@ pub fn laws(system: &System) -> impl Iterator<Item = &'static str> {
     LAWS.iter().filter(move |law| law.chassis.contains(&kind)).map(|law| law.name)
 }
 
+/// What tells a robot's launch from the one before and after it, whichever process asks: when its first file was made.
+pub fn launch(runtime_dir: &Path) -> String {
+    let made = fs::metadata(runtime_dir.join(system_file(1))).and_then(|file| file.modified());
+    let since = made.ok().and_then(|made| made.duration_since(UNIX_EPOCH).ok());
+    since.unwrap_or_default().as_nanos().to_string()
+}
+
 /// The first message to a page.
-pub fn hello(system: &System, clock: &str) -> Value {
+pub fn hello(system: &System, clock: &str, launch: &str) -> Value {
     // A map that cannot be loaded is the planner's complaint.
     let map = system.load_map().ok().flatten();
     json!({
         "robot": system.robot,
         "version": env!("CARGO_PKG_VERSION"),
         "clock": clock,
+        "launch": launch,
         "radius_m": system.planner.robot_radius_m,
         "acceptance_m": system.tracking.acceptance_radius_m,
         "start": Place::of([system.start.x_m, system.start.y_m, system.start.theta_rad]),
@@ -82,9 +94,9 @@ mod tests {
     #[test]
     fn a_page_is_told_the_map_in_metres_and_the_laws_of_the_chassis() {
         let mut system = System::default();
-        assert_eq!(hello(&system, "real")["map"], Value::Null);
+        assert_eq!(hello(&system, "real", "1")["map"], Value::Null);
         system.set("planner.map=platform").expect("built in");
-        let value = hello(&system, "real");
+        let value = hello(&system, "real", "1");
         let obstacles = value["map"]["obstacles"].as_array().expect("obstacles");
         assert!(obstacles.len() > 3 && obstacles.iter().any(|one| one["disc"].is_array()), "{value}");
         let corner = |i: usize, axis: usize| value["map"]["corners"][i][axis].as_f64().expect("a corner");

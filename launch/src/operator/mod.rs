@@ -132,6 +132,7 @@ impl OperatorProcess {
             cycles_without_command: count(|steps| steps.cycles_without_command),
             paused_ticks: count(|steps| steps.paused_ticks),
             gone: slow.is_gone(),
+            ended: slow.ended.filter(|_| slow.down),
             fault: slow.fault,
             halted: slow.halted,
         }

@@ -1,6 +1,6 @@
 //! What launch says, four times a second: status, measurements, log.
 
-use super::hello::hello;
+use super::hello::{hello, launch};
 use super::orders::for_page;
 use super::{Shared, lock};
 use crate::config::System;
@@ -38,6 +38,8 @@ pub struct Slow {
     pub fault: Option<String>,
     /// Why it has to be armed again, if so.
     pub halted: Option<String>,
+    /// How the robot ends, if in good order.
+    pub ended: Option<String>,
     /// Number of the system file in force.
     pub system: u64,
     /// The robot has ended.
@@ -53,6 +55,7 @@ impl Default for Slow {
             standby: None,
             fault: None,
             halted: None,
+            ended: None,
             system: 0,
             down: false,
             answered: Instant::now(),
@@ -71,7 +74,7 @@ impl Slow {
         let why = status.fault.as_deref().map(for_page);
         let (fault, halted) = if status.halted { (None, why) } else { (why, None) };
         (self.fault, self.halted) = (fault, halted);
-        (self.mode, self.system) = (status.mode.clone(), status.system);
+        (self.mode, self.ended, self.system) = (status.mode.clone(), status.ended.clone(), status.system);
         self.answered = Instant::now();
     }
 
@@ -85,6 +88,7 @@ impl Slow {
 pub struct Teller {
     shared: Arc<Shared>,
     clock: String,
+    launch: String,
     system: System,
     number: u64,
     hello: Value,
@@ -95,6 +99,7 @@ impl Teller {
     /// For the worker that has the page.
     pub fn new(shared: Arc<Shared>, worker: &Worker) -> Self {
         Self {
+            launch: launch(&shared.runtime_dir),
             shared,
             clock: worker.assignment.clock.to_string(),
             system: worker.system.clone(),
@@ -120,7 +125,7 @@ impl Teller {
     }
 
     fn greet(&mut self) {
-        let hello = hello(&self.system, &self.clock);
+        let hello = hello(&self.system, &self.clock, &self.launch);
         if hello != self.hello {
             self.shared.live.set_hello(&hello);
             self.hello = hello;
@@ -214,8 +219,10 @@ fn status(told: &Told) -> Value {
     let processes = told.status.processes.iter().map(|one| {
         let late = told.measured(one.slot).map(|measured| measured.taken.histogram());
         let late = late.filter(|histogram| histogram.count > 0).map(|histogram| us(histogram.quantile_ns(0.99)));
+        let left = told.status.ended.is_some() && one.state == "dead";
+        let state = if left { "left" } else { &one.state };
         json!({
-            "name": one.name, "law": one.law, "authority": one.authority, "state": one.state, "reason": one.reason,
+            "name": one.name, "law": one.law, "authority": one.authority, "state": state, "reason": one.reason,
             "restarts": one.restarts, "late_p99_us": late,
         })
     });

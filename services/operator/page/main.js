@@ -11,6 +11,7 @@ import { MapPicture } from "./map.js";
 import { DrawnPath } from "./path.js";
 import { Bars, Strip, lineSample } from "./plots.js";
 import { StatePanel } from "./state.js";
+import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 
 const TOOLS = ["pan", "draw", "free", "goal"];
@@ -25,7 +26,7 @@ const path = new DrawnPath(() => pathChanged());
 let picture = null;
 const view = new View($("map"), () => picture?.touch());
 picture = new MapPicture($("map"), view, path);
-const panel = new StatePanel(() => path.points.length > 1 || panel.last?.path_state !== "idle");
+const panel = new StatePanel();
 const speed = new Strip($("plot-speed"), [
   { label: "commanded", ink: "blue" },
   { label: "reference", ink: "green", dash: [6, 4] },
@@ -37,6 +38,17 @@ const track = new Strip($("plot-track"), [
 const late = new Bars($("plot-late"));
 
 // ---- what the robot says
+
+/** The launch of the robot that is heard; and the path of the one before, as text, which is a drawing now. */
+let [launch, left] = [null, null];
+
+/** The robot that had the path is no more, its successor has none: what is left of it is a drawing. */
+function leave() {
+  picture.goal = null;
+  if (path.unsent || !path.points.length) return;
+  left = JSON.stringify(path.points);
+  path.touch();
+}
 
 /** A sample of the plots: s, then mm/s and mm, null where there is none. */
 function plot([t, ...values]) {
@@ -58,6 +70,9 @@ const heard = {
     $("roadmap").checked = false;
     picture.begin(message.map);
     drawing.of(message.robot);
+    if (launch !== null && launch !== message.launch) leave();
+    launch = message.launch;
+    stopping.meet(launch);
   },
   trail(message) {
     for (const which of ["estimate", "truth"]) message[which].forEach(([x, y]) => picture.extendTrail(which, x, y));
@@ -69,7 +84,7 @@ const heard = {
   path(message) {
     picture.active = message.waypoints.length ? message : null;
     // What was sent comes back as it is driven: perhaps with the way to its beginning.
-    if (picture.active && (!path.unsent || sending)) path.replace(message.waypoints, false);
+    if (picture.active && (!path.unsent || sending || left === JSON.stringify(path.points))) path.replace(message.waypoints, false);
     fitOnce();
     pathChanged();
   },
@@ -83,6 +98,7 @@ const heard = {
     if (message.pose) plot([message.time_s, message.speed_mps, message.reference_mps, message.cross_track_m, message.cross_track_truth_m]);
     fitOnce();
     picture.touch();
+    stopping.see(message);
     panel.note(message);
   },
   status(message) {
@@ -106,8 +122,10 @@ function fitOnce() {
 
 const link = new Link(
   (message) => heard[message.type]?.(message),
-  (state) => panel.connection(state),
+  (state) => panel.connection(state, link.refusal),
 );
+const stopping = new Stopping(link, () => panel.show(), (text) => hint(text, 4));
+panel.stopping = stopping;
 const drawing = new Drawing(path, picture, link);
 const laws = new Laws(async (law) => (await order("swap", { law })).ok, () => panel.last?.law);
 
@@ -134,10 +152,9 @@ async function orderPath(what, more) {
   return answer;
 }
 
-async function stop(what = "stop") {
+function stop(what = "stop") {
   if ($("ask").open) $("ask").close("no");
-  const answer = await link.stop(what);
-  hint(answer.message, answer.ok ? 4 : 0);
+  stopping.press(what, panel.last?.tick ?? 0);
 }
 
 async function run() {
@@ -172,7 +189,10 @@ const press = (id) => $(id).click();
 $("stop").addEventListener("pointerdown", () => stop());
 $("stop").addEventListener("click", (event) => event.detail === 0 && stop());
 $("estop").addEventListener("click", () => stop("estop"));
-$("run").addEventListener("click", run);
+$("run").addEventListener("click", () => {
+  if (path.points.length > 1 || panel.last?.path_state !== "idle") run();
+  else hint("draw or import a path first; Arm lets commands act without one");
+});
 $("pause").addEventListener("click", () => ($("pause").textContent === "Pause" ? stop() : order("arm")));
 $("arm").addEventListener("click", () => order("arm"));
 $("reset").addEventListener("click", async () => (await sure("Release the emergency stop? The robot stays disarmed.", "Release")) && order("reset"));

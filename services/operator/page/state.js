@@ -5,8 +5,19 @@ import { $, fixed, make, mm, put } from "./dom.js";
 /** Time without news of a robot whose ticks go on after which what is shown is old. */
 const OLD_MS = 1000;
 
+/** A robot that is down and all is well: what is said of it, by what launch said last. */
+const ENDED = {
+  arrived: ["RUN OVER: ARRIVED", "The run is over: the robot has arrived. The verdict and where the report lies stand where it was started."],
+  "not arrived": ["RUN OVER", "The run is over; the robot has not arrived. The verdict, where it was started, says why."],
+  "emergency stop": ["RUN OVER", "The run was ended by the emergency stop."],
+  interrupted: ["TAKEN DOWN", "The robot was taken down by a signal, as Ctrl-C is one."],
+  "taken down": ["TAKEN DOWN", "The robot was taken down (hilare down)."],
+};
+const AGAIN = "This page shows the next one that comes up here.";
+
 /** What the operator has to know: a kind, and a word or two. */
 export function stateOf(s) {
+  if (ENDED[s.ended]) return ["ended", ENDED[s.ended][0]];
   if (s.gone) return ["fault", "ROBOT IS DOWN"];
   if (s.fault) return ["fault", "FAULT"];
   if (s.mode === "e-stop") return ["estop", "EMERGENCY STOP"];
@@ -20,12 +31,12 @@ export function stateOf(s) {
 }
 
 export class StatePanel {
-  /** `hasPath()` tells whether there is anything to be driven. */
-  constructor(hasPath) {
-    this.hasPath = hasPath;
+  constructor() {
     this.last = null;
     this.at = 0;
     this.link = "lost"; // until something is heard
+    this.refusal = null;
+    this.stopping = null;
   }
 
   /** Takes over what the robot says of itself. */
@@ -35,14 +46,15 @@ export class StatePanel {
     this.show();
   }
 
-  /** Takes over how the connection is. */
-  connection(link) {
-    this.link = link;
+  /** Takes over how the connection is, and what the server said if it refused it. */
+  connection(link, refusal) {
+    Object.assign(this, { link, refusal });
     this.show();
   }
 
   /** Why what is shown is old, or null. A robot that was never armed has no ticks yet. */
   old() {
+    if (this.link === "refused") return refused(this.refusal);
     if (this.last?.gone) return null;
     if (this.link === "lost") return ["NO CONNECTION", "No connection to the robot: what is shown is old, and STOP does not reach it from here. Trying again."];
     const silent = this.link === "stale" || (this.last?.tick > 0 && performance.now() - this.at > OLD_MS);
@@ -51,14 +63,18 @@ export class StatePanel {
 
   show() {
     const old = this.old();
-    const link = old && this.link === "open" ? "stale" : this.link;
+    const link = old && this.link === "open" ? "stale" : !old && this.last?.ended ? "ended" : this.link;
     document.body.dataset.link = link;
-    put("link", { open: "connected", stale: "silent", lost: "lost" }[link]);
+    put("link", { open: "connected", stale: "silent", lost: "lost", refused: "refused", ended: "closed" }[link]);
     const s = this.last;
     const [state, text] = s ? stateOf(s) : ["unknown", "WAITING"];
     document.body.dataset.state = state;
-    put("state-text", old ? old[0] : text);
-    const why = old?.[1] ?? (s && reason(s, state));
+    const stop = this.stopping?.words();
+    document.body.toggleAttribute("data-stopping", !!stop);
+    put("state-text", old?.[0] ?? stop?.name ?? text);
+    // A STOP that has not arrived says all there is to say of the connection.
+    const rest = old ? !stop?.late && old[1] : s && reason(s, state);
+    const why = [stop?.text, rest].filter(Boolean).join(" ");
     $("fault").hidden = !why;
     if (why) put("fault", why);
     this.buttons(state);
@@ -72,18 +88,28 @@ export class StatePanel {
   /** What cannot be done now cannot be pressed; STOP and e-stop always can. */
   buttons(state) {
     const s = this.last;
-    const off = !s || s.gone || this.link === "lost";
+    const off = !s || s.gone || ["lost", "refused"].includes(this.link);
     const latched = s?.mode === "e-stop";
     $("arm").disabled = off || latched || s.mode === "armed";
     $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
     $("pause").disabled = off || !["driving", "stopped"].includes(state);
     $("reset").disabled = off || !latched;
-    $("run").disabled = off || latched || !this.hasPath();
+    $("run").disabled = off || latched;
     $("law").disabled = off || $("law").dataset.busy === "yes";
+    // First the STOP that is under way.
+    if (this.stopping?.what) for (const id of ["arm", "pause", "run"]) $(id).disabled = true;
   }
 }
 
+/** Why the server lets this page not in. */
+function refused({ status, why }) {
+  if (status === 503) return ["NO ROOM", `The robot has no room for this page: ${why}. STOP does not reach it from here.`];
+  const anew = status === 401 ? " Every start of the robot makes a new token." : "";
+  return ["NOT ALLOWED", `The robot does not let this page in: ${why}.${anew} STOP does not reach it from here.`];
+}
+
 function reason(s, state) {
+  if (state === "ended") return `${ENDED[s.ended][1]} ${AGAIN}`;
   if (s.fault ?? s.halted) return s.fault ?? s.halted;
   if (s.gone) return "The robot has ended, or its launch does not answer; its log says why.";
   return state === "estop" ? "Emergency stop: nothing moves until Reset, then Arm." : null;

@@ -36,6 +36,7 @@ pub const ASSETS: &[Asset] = &[
     asset!("/hands.js", SCRIPT, "hands.js"),
     asset!("/plots.js", SCRIPT, "plots.js"),
     asset!("/state.js", SCRIPT, "state.js"),
+    asset!("/stopping.js", SCRIPT, "stopping.js"),
     asset!("/view.js", SCRIPT, "view.js"),
     asset!("/icon.svg", "image/svg+xml", "icon.svg"),
     asset!("/vendor/uPlot.css", STYLE, "vendor/uPlot.css"),

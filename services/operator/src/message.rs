@@ -210,6 +210,8 @@ pub struct State {
     pub halted: Option<String>,
     /// It is down, or its launch does not answer.
     pub gone: bool,
+    /// How it went down, if in good order, as in `hilare status`.
+    pub ended: Option<String>,
 }
 
 /// A line of the merged log.

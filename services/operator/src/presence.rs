@@ -47,6 +47,12 @@ impl Presence {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// One more page can come.
+    pub fn has_room(&self) -> bool {
+        let pages = self.pages();
+        pages.pages.len() < MAX_PAGES || pages.pages.iter().any(|page| !page.commanded)
+    }
+
     /// A page comes. Where there are too many the oldest goes that has never commanded; `None` if there is none.
     pub fn enter(self: &Arc<Self>) -> Option<Visit> {
         let mut pages = self.pages();
@@ -150,8 +156,9 @@ mod tests {
         assert_eq!(presence.pages().pages.len(), MAX_PAGES);
         assert!(presence.pages().pages.iter().any(|page| page.id == driver.id));
         crowd.iter().for_each(Visit::commands);
-        assert!(presence.enter().is_none(), "all of them drive");
+        assert!(presence.enter().is_none() && !presence.has_room(), "all of them drive");
         drop(crowd);
+        assert!(presence.has_room());
         assert!(presence.enter().is_some());
     }
 }

@@ -40,6 +40,9 @@ const BODY_BYTES: usize = 1 << 10;
 const FRESH: Duration = Duration::from_millis(200);
 /// Time a look may take.
 const LOOK: Duration = Duration::from_secs(4);
+/// What a page is told for which there is no room.
+const FULL: (StatusCode, &str) =
+    (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n");
 /// What the page may do in a browser: nothing but what comes from here. A map comes as `data:`.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; connect-src 'self'; object-src 'none'; \
     frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
@@ -124,6 +127,7 @@ fn pages(desks: Arc<Desks>, rules: Arc<Rules>) -> Router {
     router
         .route("/metrics", get(metrics))
         .route("/ws", get(socket))
+        .route("/api/entry", get(entry))
         .route("/api/stop", post(|state, headers, body| order(Order::Stop, state, headers, body)))
         .route("/api/estop", post(|state, headers, body| order(Order::Estop, state, headers, body)))
         .with_state(desks)
@@ -185,10 +189,14 @@ async fn metrics(State(desks): State<Arc<Desks>>, request: Request<Body>) -> Res
     }
 }
 
+/// Whether a page would be let in: of a WebSocket that is refused a browser does not say why.
+async fn entry(State(desks): State<Arc<Desks>>) -> Response {
+    if desks.presence.has_room() { StatusCode::NO_CONTENT.into_response() } else { FULL.into_response() }
+}
+
 async fn socket(State(desks): State<Arc<Desks>>, upgrade: WebSocketUpgrade) -> Response {
     let Some(visit) = desks.presence.enter() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "hilare: too many pages drive; close one\n")
-            .into_response();
+        return FULL.into_response();
     };
     upgrade
         .max_message_size(MAX_MESSAGE)

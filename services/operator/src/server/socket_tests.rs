@@ -239,6 +239,14 @@ fn where_a_token_is_wanted_nothing_but_the_files_is_had_without() {
     assert!(get(address, "/metrics", bearer).starts_with("HTTP/1.1 200 "));
     assert!(Client::ask(address, "/ws", "").err().expect("refused").starts_with("HTTP/1.1 401 "));
     assert!(Client::ask(address, "/ws?a=b&token=5ec7e7", "").is_ok());
+    // A browser is told no words of a WebSocket that is refused: here it is.
+    let refused = get(address, "/api/entry?token=5ec7e", "Host: localhost\r\n");
+    assert!(
+        refused.starts_with("HTTP/1.1 401 ") && refused.contains("hilare: the token is wanted"),
+        "{refused}"
+    );
+    let entry = get(address, "/api/entry?token=5ec7e7", "Host: localhost\r\n");
+    assert!(entry.starts_with("HTTP/1.1 204 "), "{entry}");
 }
 
 #[test]
