@@ -60,6 +60,12 @@ await inBrowser(async (page) => {
   await page.keyboard.press("b");
   assert((await page.evaluate(() => globalThis.hilare.path.selected)) === 0, "B selects the one before");
   await page.keyboard.press("r");
+  // There are obstacles about.
+  await page.waitForSelector("#ask[open], body[data-state=driving]");
+  if (await page.locator("#ask").isVisible()) {
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Enter");
+  }
   await state(page, "driving");
   await page.keyboard.press(" ");
   await state(page, "stopped");

@@ -1,6 +1,6 @@
 // Waypoints are moved with the mouse and by keys, removed, brought back; a file goes in and comes out the same.
 
-import { apart, assert, at, command, drawn, inBrowser, ink, patches, show } from "./page.mjs";
+import { apart, assert, at, command, drawn, inBrowser, ink, patches, picture, show, state, status } from "./page.mjs";
 import { mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 
@@ -102,4 +102,43 @@ await inBrowser(async (page) => {
   await page.waitForFunction(() => document.getElementById("predicted").textContent.includes("TOUCHES AN OBSTACLE"));
   const touched = await page.evaluate(() => [...globalThis.hilare.picture.prediction.touched]);
   assert(JSON.stringify(touched) === "[2]", `on the way to waypoint ${touched}`);
+
+  // Run asks before it is driven, also where it is pressed before that is known; Space is a no, and so is Escape.
+  const question = () => page.waitForSelector("#ask[open]");
+  for (const no of [" ", "Escape"]) {
+    await draw(no === " " ? "x,y\n0.2,0.2\n0.36,0.2\n0.7,0.2\n" : "x,y\n0.2,0.2\n0.35,0.2\n0.7,0.2\n");
+    await page.keyboard.press("r");
+    await question();
+    assert((await page.textContent("#ask-text")).includes("obstacle on the way to waypoint 2."), await page.textContent("#ask-text"));
+    await page.keyboard.press(no);
+    await page.waitForSelector("#ask", { state: "hidden" });
+    assert(!(await status()).waypoints && (await page.textContent("#table-title")).includes("not sent yet"), "nothing was sent");
+  }
+  await page.keyboard.press("r");
+  await question();
+  await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  await state(page, "driving");
+  // What was said stays as long as the path is in force, on a page that is loaded anew as well, and so do the marks.
+  const told = "TOUCHES AN OBSTACLE on the way to waypoint 2";
+  const still = async (when) => {
+    await page.waitForFunction((told) => document.getElementById("in-force").textContent.includes(told), told);
+    await show(page, [0.1, 0, 0.9, 0.5]);
+    const along = await patches(page, Array.from({ length: 20 }, (_, i) => [0.56 + 0.004 * i, 0.2]));
+    assert(along.some((pixels) => pixels.some((pixel) => apart(pixel, red) < 20)), `the mark is red ${when}`);
+  };
+  await still("while it drives");
+  await page.reload();
+  await state(page, "driving");
+  await still("on a page that was loaded anew");
+  await picture(page, "touches");
+  await page.keyboard.press(" ");
+  await state(page, "stopped");
+  // Not of the next one, which asks nothing.
+  await draw("x,y\n0.2,0.2\n0.2,0.15\n");
+  await page.keyboard.press("r");
+  await state(page, "driving");
+  await page.waitForFunction(() => document.getElementById("in-force").textContent === "");
+  await page.keyboard.press(" ");
+  await state(page, "stopped");
 });

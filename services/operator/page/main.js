@@ -1,7 +1,7 @@
 // The page: what comes in is shown, what the operator does is sent.
 
 import { $, fill, hint, mm, put, sure } from "./dom.js";
-import { Drawing } from "./drawing.js";
+import { Drawing, named } from "./drawing.js";
 import { Hands } from "./hands.js";
 import { listen } from "./keys.js";
 import { Laws } from "./laws.js";
@@ -16,10 +16,16 @@ import { View } from "./view.js";
 const TOOLS = ["pan", "draw", "free", "goal"];
 /** Time between two looks at the plots, and at whether there is news. */
 const LOOK_MS = 100;
+/** Time in which Run waits to hear what would come of the path. */
+const FORESEE_MS = 1000;
 
 let fitted = false;
 /** A path is on its way to the robot: what it drives next is what was drawn. */
 let sending = false;
+/** STOPs so far: what was begun before one is not gone on with. */
+let stops = 0;
+/** Run is under way, with its question perhaps. */
+let running = false;
 
 const path = new DrawnPath(() => pathChanged());
 let picture = null;
@@ -68,6 +74,7 @@ const heard = {
   },
   path(message) {
     picture.active = message.waypoints.length ? message : null;
+    drawing.inForce(message);
     // What was sent comes back as it is driven: perhaps with the way to its beginning.
     if (picture.active && (!path.unsent || sending)) path.replace(message.waypoints, false);
     fitOnce();
@@ -135,14 +142,39 @@ async function orderPath(what, more) {
 }
 
 async function stop(what = "stop") {
+  stops++;
   if ($("ask").open) $("ask").close("no");
   const answer = await link.stop(what);
   hint(answer.message, answer.ok ? 4 : 0);
 }
 
 async function run() {
-  if (path.unsent && path.points.length > 1 && !(await orderPath("follow", { waypoints: path.points })).ok) return;
-  await order("arm");
+  if (running) return;
+  running = true;
+  const before = stops;
+  if ((!path.unsent || path.points.length < 2 || (await send(before))) && stops === before) await order("arm");
+  running = false;
+}
+
+/** Sends the drawn path; one that is predicted to touch an obstacle only if the operator wants it. */
+async function send(before) {
+  const points = path.points.map((point) => [...point]);
+  const same = () => JSON.stringify(path.points) === JSON.stringify(points);
+  const foreseen = await drawing.foreseen(FORESEE_MS);
+  if (stops !== before) return false;
+  if (foreseen?.touched.size) {
+    const yes = await sure(`This path is predicted to touch an obstacle on the way to ${named(foreseen.touched)}. Drive it all the same?`, "Drive it");
+    if (!yes || stops !== before) return false;
+    if (!same()) {
+      hint("the path was changed meanwhile: Run asks again");
+      return false;
+    }
+  }
+  drawing.sending(foreseen);
+  const { ok } = await orderPath("follow", { waypoints: points });
+  if (!ok) drawing.sending(null);
+  else if (!foreseen) drawing.judgeSent(points);
+  return ok;
 }
 
 async function goTo(x, y) {
