@@ -35,11 +35,11 @@ const panel = new StatePanel(() => path.points.length > 1 || panel.last?.path_st
 const speed = new Strip($("plot-speed"), [
   { label: "commanded", ink: "blue" },
   { label: "reference", ink: "green", dash: [6, 4] },
-], { zero: true });
+], "mm/s");
 const track = new Strip($("plot-track"), [
   { label: "truth", ink: "orange", width: 3 },
   { label: "estimate", ink: "blue", dash: [6, 3] },
-]);
+], "mm");
 const late = new Bars($("plot-late"));
 
 // ---- what the robot says
