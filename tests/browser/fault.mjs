@@ -23,8 +23,28 @@ await inBrowser(async (page) => {
   await state(page, "driving");
   await page.waitForSelector("#fault", { state: "hidden" });
 
-  // Beyond its budget a box is given up, and the robot ends; why stays on the page.
+  // Where the wheels went meanwhile its successor does not know: it is disarmed, and nothing is there to be resumed.
+  await kill("step_generator");
+  await state(page, "disarmed");
+  assert((await page.textContent("#state-text")) === "DISARMED" && (await status()).mode === "disarmed", "as hilare status says");
+  assert((await page.textContent("#pause")) === "Pause" && (await page.locator("#pause").isDisabled()), "it is armed, not resumed");
+  await until("with another clock", ({ processes }) => processes.some((one) => one.name === "step_generator" && one.restarts === 1 && one.state === "running"));
+  await page.click("#arm");
+  await state(page, "driving");
+
+  // One that dies while the robot drives on is no fault: it is said for a while, and counted.
+  await page.waitForFunction(() => document.getElementById("notice").textContent === "");
   await kill("pose_estimator");
+  await page.waitForFunction(() => /^pose_estimator was killed \(signal 9\): starting it again; back after [\d.]+ ms$/.test(document.getElementById("notice").textContent));
+  await state(page, "driving");
+  assert(await page.locator("#notice").isVisible(), "the notice is in sight");
+  await picture(page, "notice");
+  const restarts = page.locator("#numbers div", { hasText: "Restarts" }).locator("dd[data-off]");
+  await page.waitForFunction(() => [...document.querySelectorAll("#numbers dd[data-off]")].some((cell) => cell.previousElementSibling.textContent === "Restarts" && cell.textContent === "3"));
+  assert((await restarts.evaluate((cell) => getComputedStyle(cell, "::before").content)).includes("▲"), "and not by its colour alone");
+  assert(await page.locator("#log li[data-level=warn]", { hasText: "pose_estimator was killed (signal 9): starting it again" }).count() === 1, "it stays in the log");
+
+  // Beyond its budget a box is given up, and the robot ends; why stays on the page.
   await until("with another estimator", ({ processes }) => processes.some((one) => one.name === "pose_estimator" && one.restarts === 1 && one.state === "running"));
   await kill("pose_estimator");
   await state(page, "fault");

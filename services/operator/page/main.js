@@ -7,6 +7,7 @@ import { listen } from "./keys.js";
 import { Laws } from "./laws.js";
 import { Link } from "./link.js";
 import { addLines } from "./log.js";
+import { Notices } from "./notices.js";
 import { MapPicture } from "./map.js";
 import { DrawnPath } from "./path.js";
 import { Bars, Strip, lineSample } from "./plots.js";
@@ -41,6 +42,9 @@ const track = new Strip($("plot-track"), [
   { label: "estimate", ink: "blue", dash: [6, 3] },
 ], "mm");
 const late = new Bars($("plot-late"));
+const notices = new Notices();
+/** A process by its box and what drives in it. */
+const nameOf = (p) => (p.law ? `${p.name} (${p.law})` : p.name);
 
 // ---- what the robot says
 
@@ -95,12 +99,17 @@ const heard = {
   status(message) {
     late.show(message.lateness.buckets, message.lateness.quantiles);
     fill($("hops"), message.hops.map((hop) => [hop.name, hop.p50_us, hop.p99_us, hop.max_us]));
-    const name = (p) => (p.law ? `${p.name} (${p.law})${p.authority ? " ★" : ""}` : p.name);
+    const name = (p) => `${nameOf(p)}${p.authority ? " ★" : ""}`;
     const state = (p) => (p.reason ? `${p.state}: ${p.reason}` : p.state);
     const isBad = (i) => ["dead", "degraded", "fault"].includes(message.processes[i].state);
     fill($("processes"), message.processes.map((p) => [name(p), state(p), p.late_p99_us ?? "–", p.restarts]), isBad);
+    panel.restarts = message.processes.reduce((sum, p) => sum + p.restarts, 0);
+    notices.processes(message.processes, nameOf);
   },
-  log: (message) => addLines(message.lines),
+  log(message) {
+    addLines(message.lines);
+    notices.lines(message.lines);
+  },
 };
 
 function fitOnce() {
@@ -276,6 +285,7 @@ $("legend").replaceChildren(...[
 pathChanged();
 setInterval(() => {
   panel.show();
+  notices.show(Boolean(panel.last?.fault ?? panel.last?.gone));
   if (document.hidden) return;
   speed.draw();
   track.draw();

@@ -12,8 +12,8 @@
 use super::super::join::{Peer, send_with};
 use super::{Call, MAX_REQUEST, PATIENCE, Request, Response};
 use crossbeam_channel::{Receiver, Select, TryRecvError, bounded};
-use rustix::net::sockopt::socket_peercred;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::sockopt::socket_peercred;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
