@@ -7,6 +7,8 @@ import { assert, at, drawn, inBrowser, ink, picture, redraw, state } from "./pag
 import { unlike } from "./eyes.mjs";
 
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+/** Sizes in which nothing may be cut off at the right, and how much of the map is to be seen at least, px. */
+const sizes = [[390, 844, 400], [844, 390, 180], [1280, 720, 350]];
 const looks = [
   ["idle", {}],
   ["light", { colorScheme: "light" }],
@@ -32,6 +34,15 @@ for (const [name, options] of looks) {
 }
 
 await inBrowser(async (page) => {
+  for (const [width, height, map] of sizes) {
+    await page.setViewportSize({ width, height });
+    const found = await page.evaluate(() => {
+      const box = document.getElementById("map").getBoundingClientRect();
+      return { wide: document.documentElement.scrollWidth, seen: Math.min(innerHeight, box.bottom) - box.top };
+    });
+    assert(found.wide <= width && found.seen >= map, `${width} x ${height}: ${JSON.stringify(found)}`);
+  }
+  await page.setViewportSize({ width: 1280, height: 720 });
   const seen = new Set();
   for (let i = 0; i < 60; i++) {
     await page.keyboard.press("Tab");
@@ -41,6 +52,7 @@ await inBrowser(async (page) => {
     assert(seen.has(id), `${id} is not reached by Tab: ${[...seen]}`);
   }
   // A path by keys alone: drawn, corrected, driven, stopped.
+  await page.evaluate(() => globalThis.hilare.path.replace([]));
   await page.locator("#map").focus();
   await page.keyboard.press("Enter");
   const [first] = await drawn(page);

@@ -66,6 +66,17 @@ await inBrowser(async (page) => {
     await page.waitForFunction((said) => document.getElementById("hint").textContent.startsWith(said), said);
   }
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "what was refused changes nothing");
+  assert((await page.locator("#hint").getAttribute("data-bad")) !== null, "and looks like what it is");
+  await page.click("#clear");
+  assert((await page.textContent("#hint")) === "", "what was said of a file is not said of what comes after it");
+
+  // A tolerance is a number; what is none is said, and the one before stays.
+  await page.fill("#tolerance", "20");
+  for (const wrong of ["-5", ""]) {
+    await page.fill("#tolerance", wrong);
+    await page.locator("#tolerance").blur();
+    assert((await page.inputValue("#tolerance")) === "20" && (await page.textContent("#hint")).includes("it stays 20 mm"), await page.textContent("#hint"));
+  }
 
   // What the robot would make of it is what a run of the same path comes to, and is shown where it happens.
   const predicted = () => page.waitForFunction(() => {
@@ -96,6 +107,23 @@ await inBrowser(async (page) => {
   await page.fill("#tolerance", "200");
   await page.locator("#tolerance").blur();
   await page.waitForFunction(() => globalThis.hilare.picture.prediction?.bad.size === 0);
+
+  // All of it is in sight beside what covers the map: circles, the whole robot.
+  await page.click("#fit");
+  const hidden = await page.evaluate(() => {
+    const { view, picture, path } = globalThis.hilare;
+    const { start, radius } = picture.robot;
+    const [top, bottom] = [document.getElementById("legend").offsetHeight, view.height - document.getElementById("notes").offsetHeight];
+    const discs = [...path.points.map(([x, y]) => [x, y, picture.acceptance]), [start.x, start.y, radius]];
+    return discs.map(([x, y, r]) => [...view.toScreen(x, y), r * view.scale]).filter(([px, py, r]) => px - r < 0 || px + r > view.width || py - r < top || py + r > bottom);
+  });
+  assert(!hidden.length, `out of sight: ${hidden.join("; ")}`);
+
+  // Which waypoint is wrong is said, and what is in another unit.
+  await draw("x,y\n0,0\n0.1,0\n0.1,0\n");
+  await page.waitForFunction(() => document.getElementById("hint").textContent.startsWith("waypoint 2: the same place"));
+  await draw("x,y\n0,0\n300,0\n");
+  await page.waitForFunction(() => document.getElementById("predicted").textContent.includes("the path is 300 m long: metres are wanted"));
 
   // A disc of the platform lies at 0.52, 0.2.
   await draw("x,y\n0.2,0.2\n0.35,0.2\n0.7,0.2\n");

@@ -1,12 +1,14 @@
 // The drawn path beside the map: what the robot would make of it, its table, its files, and that it is not lost.
 
 import { $, hint, make, mm, put } from "./dom.js";
-import { parseCsv, toCsv } from "./path.js";
+import { length, parseCsv, toCsv } from "./path.js";
 
 /** Least time between two predictions while a waypoint is dragged. */
 const JUDGE_MS = 150;
 /** Time between two looks whether a prediction has come. */
 const LOOK_MS = 20;
+/** A path that long which is not driven in time is perhaps in another unit. */
+const LONG_M = 50;
 /** Rows of the table. */
 const TABLE_MAX = 300;
 /** Largest file that is read: the longest path with all its digits. */
@@ -30,7 +32,10 @@ export class Drawing {
     /** What was predicted of the path that is sent, until it is in force; and what tells that one from others. */
     [this.sent, this.which] = [null, ""];
     $("table-box").addEventListener("toggle", () => this.showTable());
-    $("tolerance").addEventListener("change", () => this.judgeSoon());
+    /** What a corner may be off, mm. */
+    this.tolerance = null;
+    $("tolerance").addEventListener("input", () => this.readTolerance());
+    $("tolerance").addEventListener("change", () => this.readTolerance(true));
     $("import").addEventListener("click", () => $("file").click());
     $("file").addEventListener("change", () => this.read());
     $("export").addEventListener("click", () => this.save());
@@ -51,6 +56,26 @@ export class Drawing {
     this.picture.touch();
     this.showTable();
     this.store();
+    this.judgeSoon();
+  }
+
+  // ---- tolerance
+
+  /** One to begin with. */
+  allow(tolerance) {
+    this.tolerance ??= tolerance;
+    $("tolerance").value = this.tolerance;
+  }
+
+  /** Takes the number in the field, if it is one; `entered` is whether the operator has left it so. */
+  readTolerance(entered = false) {
+    const field = $("tolerance");
+    const { min, max, valueAsNumber: value } = field;
+    if (value >= Number(min) && value <= Number(max)) this.tolerance = value;
+    else if (entered) {
+      hint(`the tolerance is a number from ${min} to ${max} mm; it stays ${this.tolerance} mm`, 12, { bad: true });
+      field.value = this.tolerance;
+    }
     this.judgeSoon();
   }
 
@@ -174,7 +199,7 @@ export class Drawing {
   /** Marks where the robot would leave the tolerance or touch an obstacle. */
   show(answer) {
     this.forget();
-    if (!answer.ok) return hint(answer.message, 10);
+    if (!answer.ok) return hint(answer.message, 10, { bad: true, about: "file" });
     const prediction = this.reading(answer, this.path.points);
     this.picture.prediction = prediction;
     put("predicted", prediction.text);
@@ -185,12 +210,14 @@ export class Drawing {
 
   /** What an answer says of these waypoints. */
   reading(answer, points) {
-    const tolerance = Number($("tolerance").value) / 1e3;
+    const tolerance = this.tolerance / 1e3;
     // Of the segment that ends at waypoint i: its deviation comes from the corner that it begins with.
     const after = answer.cross_track_max_m.slice(1);
-    const bad = new Map(after.map((d, i) => [i, d]).filter(([, d]) => d != null && tolerance > 0 && d > tolerance));
+    const bad = new Map(after.map((d, i) => [i, d]).filter(([, d]) => d != null && d > tolerance));
     const touched = new Set(answer.touched);
     const said = [`predicted: ${answer.reached ? `${answer.duration_s.toFixed(1)} s` : `not reached within ${answer.duration_s.toFixed(0)} s`}`];
+    const long = length(points);
+    if (!answer.reached && long > LONG_M) said.push(`the path is ${long.toFixed(0)} m long: metres are wanted`);
     said.push(`cross-track ${mm(answer.mean_m)} mm in the mean, ${mm(answer.max_m)} mm at most`);
     if (bad.size) said.push(`${bad.size === 1 ? "1 corner leaves" : `${bad.size} corners leave`} the tolerance`);
     if (touched.size) said.push(`TOUCHES AN OBSTACLE on the way to ${named(touched)}`);
@@ -257,7 +284,7 @@ export class Drawing {
       this.picture.view.fit(this.picture.extent());
       hint(`${this.path.points.length} waypoints from ${file.name}`);
     } catch (error) {
-      hint(error.message, 0);
+      hint(error.message, 0, { bad: true, about: "file" });
     }
   }
 

@@ -1,6 +1,6 @@
 // The page: what comes in is shown, what the operator does is sent.
 
-import { $, fill, hint, mm, put, sure } from "./dom.js";
+import { $, fill, hint, mm, put, sure, unhint } from "./dom.js";
 import { Drawing, named } from "./drawing.js";
 import { Hands } from "./hands.js";
 import { listen } from "./keys.js";
@@ -17,6 +17,10 @@ import { View } from "./view.js";
 const TOOLS = ["pan", "draw", "free", "goal"];
 /** Time between two looks at the plots, and at whether there is news. */
 const LOOK_MS = 100;
+/** That near to a goal a path ends that leads to it. */
+const GOAL_NEAR_M = 0.01;
+/** Room for a line of words, where there is none yet. */
+const WORDS_PX = 30;
 /** Time in which Run waits to hear what would come of the path. */
 const FORESEE_MS = 1000;
 
@@ -30,7 +34,7 @@ let running = false;
 
 const path = new DrawnPath(() => pathChanged());
 let picture = null;
-const view = new View($("map"), () => picture?.touch());
+const view = new View($("map"), () => picture?.touch(), margins);
 picture = new MapPicture($("map"), view, path);
 const panel = new StatePanel(() => path.points.length > 1 || panel.last?.path_state !== "idle");
 const speed = new Strip($("plot-speed"), [
@@ -62,7 +66,7 @@ const heard = {
     put("clock", message.clock);
     Object.assign(picture.robot, { radius: message.radius_m, start: message.start });
     picture.acceptance = message.acceptance_m;
-    if (!$("tolerance").value) $("tolerance").value = Math.max(1, Math.round(message.acceptance_m * 1e3));
+    drawing.allow(Math.max(1, Math.round(message.acceptance_m * 1e3)));
     laws.set(message.laws);
     $("log").replaceChildren();
     $("roadmap").checked = false;
@@ -74,14 +78,20 @@ const heard = {
     speed.clear();
     track.clear();
     message.plots.forEach(plot);
+    fitOnce();
     picture.touch();
   },
   path(message) {
     picture.active = message.waypoints.length ? message : null;
     drawing.inForce(message);
+    // The goal is shown while the way to it is in force.
+    const end = message.waypoints.at(-1);
+    if (picture.goal && !(end && Math.hypot(end[0] - picture.goal[0], end[1] - picture.goal[1]) < GOAL_NEAR_M)) picture.goal = null;
     // What was sent comes back as it is driven: perhaps with the way to its beginning.
     if (picture.active && (!path.unsent || sending)) path.replace(message.waypoints, false);
     fitOnce();
+    // Nobody has moved the map yet, and the robot is sent to where it does not reach.
+    if (view.box && !message.waypoints.every(([x, y]) => view.shows(x, y))) view.fit(picture.extent());
     pathChanged();
   },
   state(message) {
@@ -95,6 +105,7 @@ const heard = {
     fitOnce();
     picture.touch();
     panel.note(message);
+    if (document.body.dataset.state === "stopped" && !message.speed_mps && !message.omega_radps) unhint("stop", "stopped; Arm lets it go on");
   },
   status(message) {
     late.show(message.lateness.buckets, message.lateness.quantiles);
@@ -112,8 +123,14 @@ const heard = {
   },
 };
 
+/** What of the map's edges is covered, px: the scale and the legend above, words below. */
+function margins() {
+  const [legend, notes] = [$("legend"), $("notes")];
+  return { top: legend.offsetTop + legend.offsetHeight + 4, bottom: Math.max(notes.offsetHeight, WORDS_PX) + 12, side: 12 };
+}
+
 function fitOnce() {
-  if (fitted || !(picture.active || picture.map || picture.robot.pose)) return;
+  if (fitted || !(picture.active || picture.map || picture.robot.pose || picture.robot.start)) return;
   fitted = true;
   view.fit(picture.extent());
 }
@@ -128,13 +145,14 @@ const drawing = new Drawing(path, picture, link);
 const laws = new Laws(async (law) => (await order("swap", { law })).ok, () => panel.last?.law);
 
 function pathChanged() {
+  unhint("file");
   drawing.changed();
   panel.show();
 }
 
 async function order(what, more) {
   const answer = await link.ask(what, more);
-  hint(answer.message, answer.ok ? 4 : 12);
+  hint(answer.message, answer.ok ? 4 : 12, { bad: !answer.ok });
   return answer;
 }
 
@@ -154,7 +172,7 @@ async function stop(what = "stop") {
   stops++;
   if ($("ask").open) $("ask").close("no");
   const answer = await link.stop(what);
-  hint(answer.message, answer.ok ? 4 : 0);
+  hint(answer.message, answer.ok ? 4 : 0, { bad: !answer.ok, about: answer.ok ? "stop" : "" });
 }
 
 async function run() {
@@ -175,7 +193,7 @@ async function send(before) {
     const yes = await sure(`This path is predicted to touch an obstacle on the way to ${named(foreseen.touched)}. Drive it all the same?`, "Drive it");
     if (!yes || stops !== before) return false;
     if (!same()) {
-      hint("the path was changed meanwhile: Run asks again");
+      hint("the path was changed meanwhile: Run asks again", 12, { bad: true });
       return false;
     }
   }
@@ -187,9 +205,12 @@ async function send(before) {
 }
 
 async function goTo(x, y) {
+  const replaced = path.unsent && path.points.length > 0;
   picture.goal = [x, y];
   picture.touch();
-  if (!(await orderPath("goal", { x_m: x, y_m: y })).ok) picture.goal = null;
+  const { ok, message } = await orderPath("goal", { x_m: x, y_m: y });
+  if (!ok) picture.goal = null;
+  else if (replaced) hint(`${message}; Undo brings back what was drawn`, 12);
   picture.touch();
 }
 
@@ -233,7 +254,7 @@ $("roadmap").addEventListener("change", showRoadmap);
 const hands = new Hands(picture, {
   cursor: (at) => put("cursor", at ? `x ${mm(at[0], 0)}  y ${mm(at[1], 0)} mm` : ""),
   moved: () => ($("follow").checked = false),
-  full: () => hint("a path has at most 65 536 waypoints"),
+  full: () => hint("a path has at most 65 536 waypoints", 6, { bad: true }),
   goal: goTo,
 });
 const tools = TOOLS.map((tool) => document.querySelector(`#tools [data-tool=${tool}]`));

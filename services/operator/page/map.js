@@ -62,16 +62,24 @@ export class MapPicture {
     if (trail.length > TRAIL_MAX) this.trails[which] = trail.filter((_, i) => i % 2 === 0);
   }
 
-  /** Everything there is, as a box. */
+  /** Everything there is, with the circles around it and the whole of the robot, as a box. */
   extent() {
-    const points = [...this.path.points, ...(this.active?.waypoints ?? [])];
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    const take = ([x, y], around = 0) => {
+      [box[0], box[1]] = [Math.min(box[0], x - around), Math.min(box[1], y - around)];
+      [box[2], box[3]] = [Math.max(box[2], x + around), Math.max(box[3], y + around)];
+    };
+    const circle = this.show.circles ? this.acceptance : 0;
+    for (const waypoints of [this.path.points, this.active?.waypoints ?? []]) {
+      this.outline(waypoints).forEach((point) => take(point));
+      waypoints.forEach((point) => take(point, circle));
+    }
+    for (const corner of this.map?.corners ?? []) take(corner);
+    const alone = box[0] === Infinity;
     const at = this.robot.pose ?? this.robot.start;
-    if (at) points.push([at.x, at.y]);
-    points.push(...(this.map?.corners ?? []));
-    if (!points.length) return [-0.5, -0.5, 0.5, 0.5];
-    const xs = points.map((p) => p[0]);
-    const ys = points.map((p) => p[1]);
-    return [xs.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b)), ys.reduce((a, b) => Math.max(a, b))];
+    // With nothing else to be seen it is seen with some floor around it.
+    if (at) take([at.x, at.y], alone ? Math.max(0.5, 4 * this.robot.radius) : this.robot.radius);
+    return box[0] === Infinity ? [-0.5, -0.5, 0.5, 0.5] : box;
   }
 
   draw() {
