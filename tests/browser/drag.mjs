@@ -142,6 +142,13 @@ await inBrowser(async (page) => {
     await page.waitForSelector("#ask", { state: "hidden" });
     assert(!(await status()).waypoints && (await page.textContent("#table-title")).includes("not sent yet"), "nothing was sent");
   }
+  // A STOP while Run waits to hear what would come of it ends it.
+  await draw("x,y\n0.2,0.2\n0.37,0.2\n0.7,0.2\n");
+  await page.keyboard.press("r");
+  await page.keyboard.press(" ");
+  await predicted();
+  await page.waitForTimeout(300);
+  assert(!(await page.locator("#ask").isVisible()) && (await status()).mode === "disarmed", "it asks no more, and arms nothing");
   await page.keyboard.press("r");
   await question();
   await page.keyboard.press("Tab");
