@@ -217,6 +217,9 @@ fn hostile_viewers_cost_neither_memory_nor_the_page_nor_a_tick() {
     hear(&mut good, b"setParameters: this is a view to look at");
     good.write_all(&subscribe(32)).expect("it is taken");
     hear(&mut good, b"base_link");
+    let _ = good.write_all(&frame(0x81, &vec![b'['; 20 << 20]));
+    // A close frame begins with its code, 1009.
+    hear(&mut good, b"\x03\xf1a message has at most 65536 bytes");
     // Page, process and robot are as they were.
     let mut page = TcpStream::connect(&listen).expect("the page");
     page.write_all(format!("GET /metrics HTTP/1.1\r\nHost: {listen}\r\n\r\n").as_bytes())

@@ -308,6 +308,9 @@ fn hostile_pages_cost_neither_memory_nor_a_tick_nor_a_stop() {
     good.write_all(&frame(0x81, b"{\"id\":7,\"do\":\"stop\"}")).expect("it is taken");
     hear(&mut good, "\"id\":7,\"message\":\"stopping");
     lab.await_status(&robot, "it has stopped", |status| text(status, "mode") == "stop");
+    // Who is not listened to any more is told why, in the middle of it.
+    let _ = good.write_all(&frame(0x81, &vec![b'['; 5 << 20]));
+    hear(&mut good, "a message has at most 4194304 bytes");
     drop(crowd);
     down(&lab, &robot);
 }

@@ -7,6 +7,8 @@ import { assert, at, drawn, inBrowser, ink, picture, redraw, state } from "./pag
 import { unlike } from "./eyes.mjs";
 
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+/** Sizes in which nothing may be cut off at the right, and how much of the map is to be seen at least, px. */
+const sizes = [[390, 844, 400], [844, 390, 180], [1280, 720, 350]];
 const looks = [
   ["idle", {}],
   ["light", { colorScheme: "light" }],
@@ -32,6 +34,15 @@ for (const [name, options] of looks) {
 }
 
 await inBrowser(async (page) => {
+  for (const [width, height, map] of sizes) {
+    await page.setViewportSize({ width, height });
+    const found = await page.evaluate(() => {
+      const box = document.getElementById("map").getBoundingClientRect();
+      return { wide: document.documentElement.scrollWidth, seen: Math.min(innerHeight, box.bottom) - box.top };
+    });
+    assert(found.wide <= width && found.seen >= map, `${width} x ${height}: ${JSON.stringify(found)}`);
+  }
+  await page.setViewportSize({ width: 1280, height: 720 });
   const seen = new Set();
   for (let i = 0; i < 60; i++) {
     await page.keyboard.press("Tab");
@@ -41,6 +52,7 @@ await inBrowser(async (page) => {
     assert(seen.has(id), `${id} is not reached by Tab: ${[...seen]}`);
   }
   // A path by keys alone: drawn, corrected, driven, stopped.
+  await page.evaluate(() => globalThis.hilare.path.replace([]));
   await page.locator("#map").focus();
   await page.keyboard.press("Enter");
   const [first] = await drawn(page);
@@ -60,6 +72,12 @@ await inBrowser(async (page) => {
   await page.keyboard.press("b");
   assert((await page.evaluate(() => globalThis.hilare.path.selected)) === 0, "B selects the one before");
   await page.keyboard.press("r");
+  // There are obstacles about.
+  await page.waitForSelector("#ask[open], body[data-state=driving]");
+  if (await page.locator("#ask").isVisible()) {
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Enter");
+  }
   await state(page, "driving");
   await page.keyboard.press(" ");
   await state(page, "stopped");

@@ -1,6 +1,6 @@
 // Waypoints are moved with the mouse and by keys, removed, brought back; a file goes in and comes out the same.
 
-import { apart, assert, at, command, drawn, inBrowser, ink, patches, show } from "./page.mjs";
+import { apart, assert, at, command, drawn, inBrowser, ink, patches, picture, show, state, status } from "./page.mjs";
 import { mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 
@@ -66,6 +66,17 @@ await inBrowser(async (page) => {
     await page.waitForFunction((said) => document.getElementById("hint").textContent.startsWith(said), said);
   }
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(free), "what was refused changes nothing");
+  assert((await page.locator("#hint").getAttribute("data-bad")) !== null, "and looks like what it is");
+  await page.click("#clear");
+  assert((await page.textContent("#hint")) === "", "what was said of a file is not said of what comes after it");
+
+  // A tolerance is a number; what is none is said, and the one before stays.
+  await page.fill("#tolerance", "20");
+  for (const wrong of ["-5", ""]) {
+    await page.fill("#tolerance", wrong);
+    await page.locator("#tolerance").blur();
+    assert((await page.inputValue("#tolerance")) === "20" && (await page.textContent("#hint")).includes("it stays 20 mm"), await page.textContent("#hint"));
+  }
 
   // What the robot would make of it is what a run of the same path comes to, and is shown where it happens.
   const predicted = () => page.waitForFunction(() => {
@@ -97,9 +108,72 @@ await inBrowser(async (page) => {
   await page.locator("#tolerance").blur();
   await page.waitForFunction(() => globalThis.hilare.picture.prediction?.bad.size === 0);
 
+  // All of it is in sight beside what covers the map: circles, the whole robot.
+  await page.click("#fit");
+  const hidden = await page.evaluate(() => {
+    const { view, picture, path } = globalThis.hilare;
+    const { start, radius } = picture.robot;
+    const [top, bottom] = [document.getElementById("legend").offsetHeight, view.height - document.getElementById("notes").offsetHeight];
+    const discs = [...path.points.map(([x, y]) => [x, y, picture.acceptance]), [start.x, start.y, radius]];
+    return discs.map(([x, y, r]) => [...view.toScreen(x, y), r * view.scale]).filter(([px, py, r]) => px - r < 0 || px + r > view.width || py - r < top || py + r > bottom);
+  });
+  assert(!hidden.length, `out of sight: ${hidden.join("; ")}`);
+
+  // Which waypoint is wrong is said, and what is in another unit.
+  await draw("x,y\n0,0\n0.1,0\n0.1,0\n");
+  await page.waitForFunction(() => document.getElementById("hint").textContent.startsWith("waypoint 2: the same place"));
+  await draw("x,y\n0,0\n300,0\n");
+  await page.waitForFunction(() => document.getElementById("predicted").textContent.includes("the path is 300 m long: metres are wanted"));
+
   // A disc of the platform lies at 0.52, 0.2.
   await draw("x,y\n0.2,0.2\n0.35,0.2\n0.7,0.2\n");
   await page.waitForFunction(() => document.getElementById("predicted").textContent.includes("TOUCHES AN OBSTACLE"));
   const touched = await page.evaluate(() => [...globalThis.hilare.picture.prediction.touched]);
   assert(JSON.stringify(touched) === "[2]", `on the way to waypoint ${touched}`);
+
+  // Run asks before it is driven, also where it is pressed before that is known; Space is a no, and so is Escape.
+  const question = () => page.waitForSelector("#ask[open]");
+  for (const no of [" ", "Escape"]) {
+    await draw(no === " " ? "x,y\n0.2,0.2\n0.36,0.2\n0.7,0.2\n" : "x,y\n0.2,0.2\n0.35,0.2\n0.7,0.2\n");
+    await page.keyboard.press("r");
+    await question();
+    assert((await page.textContent("#ask-text")).includes("obstacle on the way to waypoint 2."), await page.textContent("#ask-text"));
+    await page.keyboard.press(no);
+    await page.waitForSelector("#ask", { state: "hidden" });
+    assert(!(await status()).waypoints && (await page.textContent("#table-title")).includes("not sent yet"), "nothing was sent");
+  }
+  // A STOP while Run waits to hear what would come of it ends it.
+  await draw("x,y\n0.2,0.2\n0.37,0.2\n0.7,0.2\n");
+  await page.keyboard.press("r");
+  await page.keyboard.press(" ");
+  await predicted();
+  await page.waitForTimeout(300);
+  assert(!(await page.locator("#ask").isVisible()) && (await status()).mode === "disarmed", "it asks no more, and arms nothing");
+  await page.keyboard.press("r");
+  await question();
+  await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  await state(page, "driving");
+  // What was said stays as long as the path is in force, on a page that is loaded anew as well, and so do the marks.
+  const told = "TOUCHES AN OBSTACLE on the way to waypoint 2";
+  const still = async (when) => {
+    await page.waitForFunction((told) => document.getElementById("in-force").textContent.includes(told), told);
+    await show(page, [0.1, 0, 0.9, 0.5]);
+    const along = await patches(page, Array.from({ length: 20 }, (_, i) => [0.56 + 0.004 * i, 0.2]));
+    assert(along.some((pixels) => pixels.some((pixel) => apart(pixel, red) < 20)), `the mark is red ${when}`);
+  };
+  await still("while it drives");
+  await page.reload();
+  await state(page, "driving");
+  await still("on a page that was loaded anew");
+  await picture(page, "touches");
+  await page.keyboard.press(" ");
+  await state(page, "stopped");
+  // Not of the next one, which asks nothing.
+  await draw("x,y\n0.2,0.2\n0.2,0.15\n");
+  await page.keyboard.press("r");
+  await state(page, "driving");
+  await page.waitForFunction(() => document.getElementById("in-force").textContent === "");
+  await page.keyboard.press(" ");
+  await state(page, "stopped");
 });

@@ -1,7 +1,7 @@
 // A map of cells, turned against the world: it is drawn where its cells are, the roadmap on request, and a goal that is
 // clicked is planned to around it and driven to. Where a cell is, is computed here from the map's own file.
 
-import { apart, assert, at, colours, inBrowser, ink, picture, state, until } from "./page.mjs";
+import { apart, ask, assert, at, colours, drawn, inBrowser, ink, picture, redraw, state, until } from "./page.mjs";
 import { readFileSync } from "node:fs";
 
 const yaml = readFileSync(process.env.HILARE_MAP, "utf8");
@@ -57,9 +57,18 @@ await inBrowser(async (page) => {
   await page.locator("#roadmap").uncheck();
   assert(changed(without, await all()) === 0, "it is hidden again");
 
+  // A goal takes the place of what was drawn; undo brings that back.
+  await redraw(page, [start[0] - 0.1, start[1] - 0.1, start[0] + 0.5, start[1] + 0.2], [start, world(4.5, 5.5)]);
+  const sketch = JSON.stringify(await drawn(page));
   await page.click("[data-tool=goal]");
   await page.mouse.click(...(await at(page, ...goal)));
   await page.waitForFunction(() => globalThis.hilare.picture.active);
+  await page.waitForFunction(() => document.getElementById("hint").textContent.endsWith("Undo brings back what was drawn"));
+  await page.click("#undo");
+  assert(JSON.stringify(await drawn(page)) === sketch, "what was drawn is back");
+  await page.click("[data-tool=goal]");
+  await page.mouse.click(...(await at(page, ...goal)));
+  await page.waitForFunction(() => !globalThis.hilare.path.unsent);
   const way = await page.evaluate(() => globalThis.hilare.picture.active.waypoints);
   const last = way[way.length - 1];
   assert(blocked(start, goal) && way.slice(1).every((point, i) => !blocked(way[i], point)), `around the wall: ${way.join(" ")}`);
@@ -77,4 +86,19 @@ await inBrowser(async (page) => {
   await page.mouse.click(...(await at(page, ...world(6.5, 2.5))));
   await page.waitForFunction(() => document.getElementById("hint").textContent.includes("goal"));
   assert((await page.evaluate(() => globalThis.hilare.picture.goal)) === null, "no goal is left");
+  // What was refused does not look like what was done.
+  assert((await page.locator("#hint").getAttribute("data-bad")) !== null, "a refusal is set off");
+  // The log says of each who wanted it, and what became of it.
+  const line = (text) => page.waitForFunction((text) => [...document.querySelectorAll("#log li")].some((one) => one.textContent.includes(text)), text);
+  await line(", by the page: refused: ");
+  await line("armed, by the page");
+  await ask("goal", ...world(4.5, 5.5).map((v) => v.toFixed(3)));
+  await line(`, by the command line: ${world(4.5, 5.5).map((v) => v.toFixed(3)).join(", ")} m`);
+  await line(", by the command line: accepted, ");
+  // A heading is shown as everywhere, whatever the robot has turned.
+  const headings = await page.evaluate(async () => {
+    const { degrees } = await import("./state.js");
+    return [4.735, Math.PI, -Math.PI, 0.5 - 6 * Math.PI, -0.0001].map(degrees);
+  });
+  assert(JSON.stringify(headings) === JSON.stringify(["-88.7", "180.0", "180.0", "28.6", "0.0"]), `headings: ${headings}`);
 });

@@ -6,6 +6,13 @@ const STOPPED = 4; // Drive::Stop
 const DRIVING = 1;
 
 await inBrowser(async (page) => {
+  // Without a path there is nothing to be paused or resumed.
+  await page.click("#arm");
+  await state(page, "ready");
+  await page.click("#stop");
+  await state(page, "stopped");
+  assert(await page.locator("#pause").isDisabled(), "nothing is there to be resumed");
+
   await redraw(page, [-0.2, -1, 3.2, 1], [[0, 0], [3, 0]]);
   await page.click("#run");
   await state(page, "driving");
@@ -53,6 +60,7 @@ await inBrowser(async (page) => {
     assert(ticks <= 100, `${way}: the steps say so ${ticks} ticks later`);
     await state(page, "stopped");
     await until("at rest", (status) => status.speed_mps === 0);
+    await page.waitForFunction(() => document.getElementById("hint").textContent === "stopped; Arm lets it go on");
     if (way === "a click") await picture(page, "stopped");
     await page.click("#pause");
     await state(page, "driving");

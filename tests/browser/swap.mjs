@@ -46,6 +46,26 @@ await inBrowser(async (page, context) => {
   assert(JSON.stringify(await drawn(page)) === JSON.stringify(more), "what was drawn is kept");
   assert((await page.textContent("#table-title")).includes("not sent yet"), "and is not sent by that");
 
+  // Axes can be read: three labels at least, which reach from end to end, whatever the values.
+  for (const plot of [0, 1]) {
+    const { labels, min, max } = await page.evaluate((i) => {
+      const { labels, plot } = globalThis.hilare.plots[i];
+      return { labels, min: plot.scales.y.min, max: plot.scales.y.max };
+    }, plot);
+    assert(labels.length >= 3 && labels[0] === min && labels.at(-1) === max && labels.includes(0), `plot ${plot}: ${labels} from ${min} to ${max}`);
+  }
+  const worst = await page.evaluate(async () => {
+    const { labels } = await import("./plots.js");
+    const values = [0, 0.02, 0.3, 0.5, 1, 3, 26.8, 40, 41.3, 300, 1234.5];
+    const pairs = values.flatMap((low) => values.map((high) => [-low, high]));
+    return pairs.find(([low, high]) => {
+      const found = labels(low, high);
+      const reaches = found[0] <= low + 1e-3 && found.at(-1) >= high - 1e-3 && found.at(-1) - found[0] <= 3 * Math.max(1, high - low);
+      return !(found.length >= 3 && found.length <= 4 && found.includes(0) && reaches);
+    });
+  });
+  assert(!worst, `labels of ${worst}`);
+
   const second = await open(context);
   await state(second, "driving");
   await second.click("#stop");

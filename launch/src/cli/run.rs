@@ -301,7 +301,7 @@ fn run_processes(
     let claim = Claim::new(&scenario.system.robot)?;
     let mut manager = Manager::start(claim, job, log)?;
     show_page(&manager, args.json);
-    manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    manager.set_mode(Mode::Armed, "the command line").map_err(Failure::Fault)?;
     let mut first_path = None;
     let stopped_by = loop {
         manager.step(Duration::from_millis(20));

@@ -113,7 +113,7 @@ pub fn up(args: &UpArgs) -> VerbResult {
     }
     let arm = arm && manager.mode() != Mode::EStop;
     if arm {
-        manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+        manager.set_mode(Mode::Armed, "the command line").map_err(Failure::Fault)?;
     }
     info!("{robot} is up{}", if arm { " and armed" } else { "; hilare arm lets it drive" });
     while !manager.told_to_end() && manager.fault().is_none() {

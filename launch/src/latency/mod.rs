@@ -155,7 +155,7 @@ fn beside(
     let cyclictest = cyclictest::start(clock, what.seconds);
     let steal_before = steal_s();
     bare.page.set_stage(Stage::Measuring);
-    manager.set_mode(Mode::Armed).map_err(Failure::Fault)?;
+    manager.set_mode(Mode::Armed, "the command line").map_err(Failure::Fault)?;
     let mut late_commands = LateCommands::default();
     let counts_before = manager.counts();
     let began = Instant::now();

@@ -13,9 +13,11 @@ use hilare_interfaces::messages::{
 };
 use hilare_interfaces::wires::{self, Role};
 use std::time::Instant;
+use tracing::info;
 
 impl Manager {
     pub(super) fn answer(&mut self, call: Call) {
+        let by = self.who(call.from);
         let response = match call.request {
             Request::Status => Response { status: Some(self.status()), ..Response::done("") },
             Request::Measured => Response {
@@ -25,13 +27,13 @@ impl Manager {
             },
             Request::Log { after } => Response { log: Some(self.log.since(after)), ..Response::done("") },
             Request::Arm if !self.up => Response::refused("the robot is still starting"),
-            Request::Arm => match self.set_mode(Mode::Armed) {
+            Request::Arm => match self.set_mode(Mode::Armed, by) {
                 Ok(()) => Response::done("armed"),
                 Err(why) => Response::refused(why),
             },
             Request::Stop => {
                 let was = Mode::from_code(self.authority.mode);
-                match (self.set_mode(Mode::Stop), was) {
+                match (self.set_mode(Mode::Stop, by), was) {
                     (Err(why), _) => Response::refused(why),
                     (Ok(()), Some(Mode::EStop)) => {
                         Response::done("the emergency stop is on already (hilare reset releases it)")
@@ -41,13 +43,13 @@ impl Manager {
                 }
             }
             Request::Estop => {
-                let _ = self.set_mode(Mode::EStop);
+                let _ = self.set_mode(Mode::EStop, by);
                 Response::done("emergency stop; hilare reset releases it")
             }
             Request::Reset => {
                 if self.mode() != Mode::EStop {
                     Response::done("no emergency stop is on; nothing to release")
-                } else if let Err(why) = self.set_mode(Mode::Disarmed) {
+                } else if let Err(why) = self.set_mode(Mode::Disarmed, by) {
                     Response::refused(why)
                 } else {
                     Response::done("emergency stop released; the robot is disarmed (hilare arm)")
@@ -68,7 +70,7 @@ impl Manager {
                 let waypoint = |[x_m, y_m, bulge, crab_rad]: [f64; 4]| Waypoint { x_m, y_m, bulge, crab_rad };
                 let waypoints = points.into_iter().map(waypoint).collect();
                 let header = GoalHeader { kind: GoalKind::Follow.code(), ..GoalHeader::ZERO };
-                return self.send_goal(header, waypoints, call.reply);
+                return self.send_goal(header, waypoints, call.reply, by);
             }
             Request::Goal { x_m, y_m, theta_rad } => {
                 let header = GoalHeader {
@@ -77,7 +79,7 @@ impl Manager {
                     has_heading: u64::from(theta_rad.is_some()),
                     ..GoalHeader::ZERO
                 };
-                return self.send_goal(header, vec![Waypoint::straight(x_m, y_m)], call.reply);
+                return self.send_goal(header, vec![Waypoint::straight(x_m, y_m)], call.reply, by);
             }
         };
         let _ = call.reply.send(response);
@@ -89,15 +91,23 @@ impl Manager {
         header: GoalHeader,
         waypoints: Vec<Waypoint>,
         reply: Sender<Response>,
+        by: &'static str,
     ) {
         let id = self.next_goal;
         self.next_goal += 1;
         let header = GoalHeader { goal_id: id, ..header };
+        match &waypoints[..] {
+            [point] if header.kind == GoalKind::Point.code() => {
+                info!("goal {id}, by {by}: {:.3}, {:.3} m", point.x_m, point.y_m);
+            }
+            path => info!("goal {id}, by {by}: a path of {} waypoints", path.len()),
+        }
         self.goals.push_back(PendingGoal {
             id,
             unsent: Some(waypoints),
             header,
             reply,
+            by,
             since: Instant::now(),
         });
         self.send_goals_that_wait();
@@ -139,11 +149,20 @@ impl Manager {
                 Some(Mode::EStop) => "; the emergency stop is on (hilare reset, hilare arm)",
                 _ => "; the robot is not armed (hilare arm)",
             };
+            info!("goal {}, by {}: accepted, {} waypoints", goal.id, goal.by, answer.waypoints);
             Response::done(format!("accepted: {} waypoints{hint}", answer.waypoints))
         } else {
+            info!("goal {}, by {}: refused: {text}", goal.id, goal.by);
             Response::refused(text)
         };
         let _ = goal.reply.send(response);
+    }
+
+    /// Whom the log names for an order.
+    fn who(&self, from: Option<u32>) -> &'static str {
+        let page = self.members.iter().filter(|member| member.role == Role::Operator);
+        let page = page.filter_map(|member| member.running.as_ref()).any(|running| Some(running.pid) == from);
+        if page { "the page" } else { "the command line" }
     }
 
     /// Whose command was refused last, and why.

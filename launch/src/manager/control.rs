@@ -154,6 +154,8 @@ pub struct Call {
     pub request: Request,
     /// Who asks, for a request to join.
     pub peer: Option<Peer>,
+    /// Process id of whoever asks, if it can be told.
+    pub from: Option<u32>,
     /// Where the answer goes; the caller may be gone.
     pub reply: Sender<Response>,
 }

@@ -17,7 +17,7 @@ const DISK_PATIENCE: Duration = Duration::from_secs(10);
 impl Manager {
     /// Stops the robot, lets everybody leave and collects what they left.
     pub fn end(mut self) -> Outcome {
-        let _ = self.set_mode(Mode::Stop);
+        let _ = self.set_mode(Mode::Stop, "launch, which ends");
         self.await_rest();
         self.await_recorder();
         self.leave();

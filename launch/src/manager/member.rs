@@ -11,6 +11,7 @@ use hilare_interfaces::wires::Role;
 use rustix::process::{Pid, Signal};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
+use tracing::warn;
 
 /// A worker that lived shorter than this died of itself, not of an accident.
 const YOUNG: Duration = Duration::from_millis(250);
@@ -18,6 +19,8 @@ const YOUNG: Duration = Duration::from_millis(250);
 const BACK_OFF: Duration = Duration::from_millis(20);
 /// Longest such wait.
 const BACK_OFF_MAX: Duration = Duration::from_secs(1);
+/// Least time between two words of the log that a worker is degraded.
+const WORD_EVERY: Duration = Duration::from_secs(10);
 
 /// What a worker is there for at present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +51,8 @@ pub(super) struct Member {
     pub incarnation: u64,
     pub epoch: u64,
     pub health: Option<Health>,
+    /// When the log had a word of that it is degraded.
+    worded: Option<Instant>,
     pub started: Instant,
     /// When it was told to leave.
     pub retired: Instant,
@@ -78,6 +83,7 @@ impl Member {
             incarnation: 0,
             epoch: 0,
             health: None,
+            worded: None,
             started: Instant::now(),
             retired: Instant::now(),
             missed_since_ns: None,
@@ -90,6 +96,17 @@ impl Member {
             sign: 0,
             silent_looks: 0,
         }
+    }
+
+    /// Takes over what it says of itself; when it becomes degraded the log has a word of it, now and then.
+    pub(super) fn hear(&mut self, health: Health) {
+        let is_degraded = |health: &Health| health.state == HealthState::Degraded.code();
+        let begins = is_degraded(&health) && !self.health.as_ref().is_some_and(is_degraded);
+        if begins && self.worded.is_none_or(|at| at.elapsed() >= WORD_EVERY) {
+            self.worded = Some(Instant::now());
+            warn!("{} is degraded: {}", self.name(), field_text(&health.text));
+        }
+        self.health = Some(health);
     }
 
     /// A process was started in this place.

@@ -145,6 +145,7 @@ struct PendingGoal {
     unsent: Option<Vec<Waypoint>>,
     header: GoalHeader,
     reply: Sender<Response>,
+    by: &'static str,
     since: Instant,
 }
 
@@ -322,7 +323,7 @@ impl Manager {
             if let Some(member) = self.members.get_mut(health.slot as usize) {
                 let pid = member.running.as_ref().map_or(0, |running| u64::from(running.pid));
                 if pid == 0 || pid == health.pid {
-                    member.health = Some(health);
+                    member.hear(health);
                 }
             }
         }
@@ -368,7 +369,7 @@ impl Manager {
     }
 
     /// Sets what the operator wants. Refused where it would be unsafe.
-    pub fn set_mode(&mut self, wanted: Mode) -> Result<(), String> {
+    pub fn set_mode(&mut self, wanted: Mode, by: &str) -> Result<(), String> {
         let now = Mode::from_code(self.authority.mode).unwrap_or(Mode::Stop);
         match (now, wanted) {
             (Mode::EStop, Mode::Armed) => {
@@ -389,7 +390,7 @@ impl Manager {
         self.halted = None;
         self.send_authority();
         if now != wanted {
-            info!("{}", wanted.label());
+            info!("{}, by {by}", wanted.label());
         }
         if wanted == Mode::EStop
             && let Err(why) = robot_dir::latch_estop(&self.job.system.robot)

@@ -140,7 +140,7 @@ impl Manager {
         let (reply, answer) = bounded(1);
         if let Task::Reach(goal) = task {
             let header = GoalHeader { kind: GoalKind::Point.code(), ..GoalHeader::ZERO };
-            self.send_goal(header, vec![Waypoint::from(*goal)], reply);
+            self.send_goal(header, vec![Waypoint::from(*goal)], reply, "the scenario");
         }
         let deadline = Instant::now() + START_PATIENCE;
         let has_path = |member: &Member| {

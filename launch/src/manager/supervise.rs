@@ -62,7 +62,8 @@ impl Manager {
                     // Its successor knows where the wheels are, not what happened meanwhile.
                     self.halt(Mode::Disarmed, &format!("step_generator {how}"));
                 }
-                self.plan_respawn(slot, how);
+                let handed_over = if handed_over { ", its standby took over" } else { "" };
+                self.plan_respawn(slot, &format!("{how}{handed_over}"));
             }
         }
     }

@@ -23,11 +23,20 @@ export function make(tag, text = "", more = {}) {
 
 let hintEnds = 0;
 
-/** Says something on the map's lower edge; for good if `seconds` is 0. */
-export function hint(text, seconds = 6) {
+/** Says something on the map's lower edge; for good if `seconds` is 0. What is bad is set off from what is well. */
+export function hint(text, seconds = 6, { bad = false, about = "" } = {}) {
   $("hint").textContent = text;
+  $("hint").toggleAttribute("data-bad", bad);
+  $("hint").dataset.about = about;
   clearTimeout(hintEnds);
   if (seconds) hintEnds = setTimeout(() => ($("hint").textContent = ""), seconds * 1e3);
+}
+
+/** What was said about something does not hold any more; `text` does, for as long as that would have been said. */
+export function unhint(about, text = "") {
+  if ($("hint").dataset.about !== about) return;
+  $("hint").textContent &&= text;
+  $("hint").dataset.about = "";
 }
 
 /** Asks before something is done. Not modal: STOP stays within reach. */

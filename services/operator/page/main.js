@@ -1,12 +1,13 @@
 // The page: what comes in is shown, what the operator does is sent.
 
-import { $, fill, hint, mm, put, sure } from "./dom.js";
-import { Drawing } from "./drawing.js";
+import { $, fill, hint, mm, put, sure, unhint } from "./dom.js";
+import { Drawing, named } from "./drawing.js";
 import { Hands } from "./hands.js";
 import { listen } from "./keys.js";
 import { Laws } from "./laws.js";
 import { Link } from "./link.js";
 import { addLines } from "./log.js";
+import { Notices } from "./notices.js";
 import { MapPicture } from "./map.js";
 import { DrawnPath } from "./path.js";
 import { Bars, Strip, lineSample } from "./plots.js";
@@ -17,25 +18,38 @@ import { View } from "./view.js";
 const TOOLS = ["pan", "draw", "free", "goal"];
 /** Time between two looks at the plots, and at whether there is news. */
 const LOOK_MS = 100;
+/** That near to a goal a path ends that leads to it. */
+const GOAL_NEAR_M = 0.01;
+/** Room for a line of words, where there is none yet. */
+const WORDS_PX = 30;
+/** Time in which Run waits to hear what would come of the path. */
+const FORESEE_MS = 1000;
 
 let fitted = false;
 /** A path is on its way to the robot: what it drives next is what was drawn. */
 let sending = false;
+/** STOPs so far: what was begun before one is not gone on with. */
+let stops = 0;
+/** Run is under way, with its question perhaps. */
+let running = false;
 
 const path = new DrawnPath(() => pathChanged());
 let picture = null;
-const view = new View($("map"), () => picture?.touch());
+const view = new View($("map"), () => picture?.touch(), margins);
 picture = new MapPicture($("map"), view, path);
 const panel = new StatePanel();
 const speed = new Strip($("plot-speed"), [
   { label: "commanded", ink: "blue" },
   { label: "reference", ink: "green", dash: [6, 4] },
-], { zero: true });
+], "mm/s");
 const track = new Strip($("plot-track"), [
   { label: "truth", ink: "orange", width: 3 },
   { label: "estimate", ink: "blue", dash: [6, 3] },
-]);
+], "mm");
 const late = new Bars($("plot-late"));
+const notices = new Notices();
+/** A process by its box and what drives in it. */
+const nameOf = (p) => (p.law ? `${p.name} (${p.law})` : p.name);
 
 // ---- what the robot says
 
@@ -64,7 +78,7 @@ const heard = {
     put("clock", message.clock);
     Object.assign(picture.robot, { radius: message.radius_m, start: message.start });
     picture.acceptance = message.acceptance_m;
-    if (!$("tolerance").value) $("tolerance").value = Math.max(1, Math.round(message.acceptance_m * 1e3));
+    drawing.allow(Math.max(1, Math.round(message.acceptance_m * 1e3)));
     laws.set(message.laws);
     $("log").replaceChildren();
     $("roadmap").checked = false;
@@ -79,13 +93,20 @@ const heard = {
     speed.clear();
     track.clear();
     message.plots.forEach(plot);
+    fitOnce();
     picture.touch();
   },
   path(message) {
     picture.active = message.waypoints.length ? message : null;
+    drawing.inForce(message);
+    // The goal is shown while the way to it is in force.
+    const end = message.waypoints.at(-1);
+    if (picture.goal && !(end && Math.hypot(end[0] - picture.goal[0], end[1] - picture.goal[1]) < GOAL_NEAR_M)) picture.goal = null;
     // What was sent comes back as it is driven: perhaps with the way to its beginning.
     if (picture.active && (!path.unsent || sending || left === JSON.stringify(path.points))) path.replace(message.waypoints, false);
     fitOnce();
+    // Nobody has moved the map yet, and the robot is sent to where it does not reach.
+    if (view.box && !message.waypoints.every(([x, y]) => view.shows(x, y))) view.fit(picture.extent());
     pathChanged();
   },
   state(message) {
@@ -100,20 +121,32 @@ const heard = {
     picture.touch();
     stopping.see(message);
     panel.note(message);
+    if (document.body.dataset.state === "stopped" && !message.speed_mps && !message.omega_radps) unhint("stop", "stopped; Arm lets it go on");
   },
   status(message) {
     late.show(message.lateness.buckets, message.lateness.quantiles);
     fill($("hops"), message.hops.map((hop) => [hop.name, hop.p50_us, hop.p99_us, hop.max_us]));
-    const name = (p) => (p.law ? `${p.name} (${p.law})${p.authority ? " ★" : ""}` : p.name);
+    const name = (p) => `${nameOf(p)}${p.authority ? " ★" : ""}`;
     const state = (p) => (p.reason ? `${p.state}: ${p.reason}` : p.state);
     const isBad = (i) => ["dead", "degraded", "fault"].includes(message.processes[i].state);
     fill($("processes"), message.processes.map((p) => [name(p), state(p), p.late_p99_us ?? "–", p.restarts]), isBad);
+    panel.restarts = message.processes.reduce((sum, p) => sum + p.restarts, 0);
+    notices.processes(message.processes, nameOf);
   },
-  log: (message) => addLines(message.lines),
+  log(message) {
+    addLines(message.lines);
+    notices.lines(message.lines);
+  },
 };
 
+/** What of the map's edges is covered, px: the scale and the legend above, words below. */
+function margins() {
+  const [legend, notes] = [$("legend"), $("notes")];
+  return { top: legend.offsetTop + legend.offsetHeight + 4, bottom: Math.max(notes.offsetHeight, WORDS_PX) + 12, side: 12 };
+}
+
 function fitOnce() {
-  if (fitted || !(picture.active || picture.map || picture.robot.pose)) return;
+  if (fitted || !(picture.active || picture.map || picture.robot.pose || picture.robot.start)) return;
   fitted = true;
   view.fit(picture.extent());
 }
@@ -124,19 +157,20 @@ const link = new Link(
   (message) => heard[message.type]?.(message),
   (state) => panel.connection(state, link.refusal),
 );
-const stopping = new Stopping(link, () => panel.show(), (text) => hint(text, 4));
+const stopping = new Stopping(link, () => panel.show(), (text) => hint(text, 4, { about: "stop" }));
 panel.stopping = stopping;
 const drawing = new Drawing(path, picture, link);
 const laws = new Laws(async (law) => (await order("swap", { law })).ok, () => panel.last?.law);
 
 function pathChanged() {
+  unhint("file");
   drawing.changed();
   panel.show();
 }
 
 async function order(what, more) {
   const answer = await link.ask(what, more);
-  hint(answer.message, answer.ok ? 4 : 12);
+  hint(answer.message, answer.ok ? 4 : 12, { bad: !answer.ok });
   return answer;
 }
 
@@ -153,19 +187,47 @@ async function orderPath(what, more) {
 }
 
 function stop(what = "stop") {
+  stops++;
   if ($("ask").open) $("ask").close("no");
   stopping.press(what, panel.last?.tick ?? 0);
 }
 
 async function run() {
-  if (path.unsent && path.points.length > 1 && !(await orderPath("follow", { waypoints: path.points })).ok) return;
-  await order("arm");
+  if (running) return;
+  running = true;
+  const before = stops;
+  if ((!path.unsent || path.points.length < 2 || (await send(before))) && stops === before) await order("arm");
+  running = false;
+}
+
+/** Sends the drawn path; one that is predicted to touch an obstacle only if the operator wants it. */
+async function send(before) {
+  const points = path.points.map((point) => [...point]);
+  const same = () => JSON.stringify(path.points) === JSON.stringify(points);
+  const foreseen = await drawing.foreseen(FORESEE_MS);
+  if (stops !== before) return false;
+  if (foreseen?.touched.size) {
+    const yes = await sure(`This path is predicted to touch an obstacle on the way to ${named(foreseen.touched)}. Drive it all the same?`, "Drive it");
+    if (!yes || stops !== before) return false;
+    if (!same()) {
+      hint("the path was changed meanwhile: Run asks again", 12, { bad: true });
+      return false;
+    }
+  }
+  drawing.sending(foreseen);
+  const { ok } = await orderPath("follow", { waypoints: points });
+  if (!ok) drawing.sending(null);
+  else if (!foreseen) drawing.judgeSent(points);
+  return ok;
 }
 
 async function goTo(x, y) {
+  const replaced = path.unsent && path.points.length > 0;
   picture.goal = [x, y];
   picture.touch();
-  if (!(await orderPath("goal", { x_m: x, y_m: y })).ok) picture.goal = null;
+  const { ok, message } = await orderPath("goal", { x_m: x, y_m: y });
+  if (!ok) picture.goal = null;
+  else if (replaced) hint(`${message}; Undo brings back what was drawn`, 12);
   picture.touch();
 }
 
@@ -212,7 +274,7 @@ $("roadmap").addEventListener("change", showRoadmap);
 const hands = new Hands(picture, {
   cursor: (at) => put("cursor", at ? `x ${mm(at[0], 0)}  y ${mm(at[1], 0)} mm` : ""),
   moved: () => ($("follow").checked = false),
-  full: () => hint("a path has at most 65 536 waypoints"),
+  full: () => hint("a path has at most 65 536 waypoints", 6, { bad: true }),
   goal: goTo,
 });
 const tools = TOOLS.map((tool) => document.querySelector(`#tools [data-tool=${tool}]`));
@@ -264,6 +326,7 @@ $("legend").replaceChildren(...[
 pathChanged();
 setInterval(() => {
   panel.show();
+  notices.show(Boolean(panel.last?.fault ?? panel.last?.gone));
   if (document.hidden) return;
   speed.draw();
   track.draw();

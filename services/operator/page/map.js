@@ -20,7 +20,8 @@ export class MapPicture {
     this.goal = null;
     this.stroke = null; // freehand line
     this.show = { circles: true, roadmap: false };
-    this.prediction = null;
+    this.prediction = null; // of the path that is drawn: {points, after, bad, touched, text}
+    this.foreseen = null; // the same of the path in force, if it was a warning
     this.dirty = false;
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.touch());
     for (const event of ["focus", "blur"]) canvas.addEventListener(event, () => this.touch());
@@ -29,7 +30,7 @@ export class MapPicture {
   /** Forgets what is of another robot or another run. */
   begin(map) {
     this.trails = { estimate: [], truth: [] };
-    this.active = this.roadmap = null;
+    this.active = this.roadmap = this.foreseen = null;
     this.show.roadmap = false;
     this.map = map && { ...map };
     if (map?.image) {
@@ -61,16 +62,24 @@ export class MapPicture {
     if (trail.length > TRAIL_MAX) this.trails[which] = trail.filter((_, i) => i % 2 === 0);
   }
 
-  /** Everything there is, as a box. */
+  /** Everything there is, with the circles around it and the whole of the robot, as a box. */
   extent() {
-    const points = [...this.path.points, ...(this.active?.waypoints ?? [])];
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    const take = ([x, y], around = 0) => {
+      [box[0], box[1]] = [Math.min(box[0], x - around), Math.min(box[1], y - around)];
+      [box[2], box[3]] = [Math.max(box[2], x + around), Math.max(box[3], y + around)];
+    };
+    const circle = this.show.circles ? this.acceptance : 0;
+    for (const waypoints of [this.path.points, this.active?.waypoints ?? []]) {
+      this.outline(waypoints).forEach((point) => take(point));
+      waypoints.forEach((point) => take(point, circle));
+    }
+    for (const corner of this.map?.corners ?? []) take(corner);
+    const alone = box[0] === Infinity;
     const at = this.robot.pose ?? this.robot.start;
-    if (at) points.push([at.x, at.y]);
-    points.push(...(this.map?.corners ?? []));
-    if (!points.length) return [-0.5, -0.5, 0.5, 0.5];
-    const xs = points.map((p) => p[0]);
-    const ys = points.map((p) => p[1]);
-    return [xs.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b)), ys.reduce((a, b) => Math.max(a, b))];
+    // With nothing else to be seen it is seen with some floor around it.
+    if (at) take([at.x, at.y], alone ? Math.max(0.5, 4 * this.robot.radius) : this.robot.radius);
+    return box[0] === Infinity ? [-0.5, -0.5, 0.5, 0.5] : box;
   }
 
   draw() {
@@ -277,6 +286,16 @@ export class MapPicture {
       c.fillStyle = i < this.current ? this.colour("dim") : colour;
       c.fill();
     });
+    if (this.foreseen) this.drawForeseen(this.foreseen);
+  }
+
+  /** Where it was predicted to touch an obstacle or to leave the tolerance. */
+  drawForeseen({ points, bad, touched }) {
+    touched.forEach((i) => {
+      const from = points[Math.max(0, i - 1)];
+      if (points[i]) this.line([from, ...along(from, points[i])], this.colour("red"), 5, [2, 6]);
+    });
+    bad.forEach((off, i) => points[i] && this.drawBad(...this.view.toScreen(points[i][0], points[i][1]), off));
   }
 
   /** The drawn path where it is not the one in force; of that one, what is selected. */
@@ -284,19 +303,19 @@ export class MapPicture {
     const { path } = this;
     const { points } = path;
     const colour = this.colour("purple");
-    const { bad, touched } = (path.unsent && this.prediction) || { bad: new Map(), touched: new Set() };
+    // While a waypoint is dragged the marks go with it.
+    const foreseen = { bad: new Map(), touched: new Set(), ...(path.unsent && this.prediction), points };
     if (path.unsent) {
       this.line(this.outline(points), colour, 2, [7, 5]);
       this.circles(points, 0, colour);
-      touched.forEach((i) => i < points.length && this.line([points[Math.max(0, i - 1)], ...along(points[Math.max(0, i - 1)], points[i])], this.colour("red"), 5, [2, 6]));
+      this.drawForeseen(foreseen);
     }
     points.forEach((point, i) => {
       const selected = i === path.selected;
       if (!path.unsent && !selected) return;
       const [px, py] = this.view.toScreen(point[0], point[1]);
-      if (bad.has(i)) this.drawBad(px, py, bad.get(i));
       this.drawWaypoint(px, py, selected, colour);
-      if (points.length <= NUMBERED_MAX && this.view.scale > 60 && !bad.has(i)) this.write(String(i), px + 8, py - 6, "dim", "11px");
+      if (points.length <= NUMBERED_MAX && this.view.scale > 60 && !foreseen.bad.has(i)) this.write(String(i), px + 8, py - 6, "dim", "11px");
     });
   }
 

@@ -58,8 +58,10 @@ export class DrawnPath {
 
   /** Other waypoints; `unsent` false for those that the robot has already. */
   replace(points, unsent = true) {
-    if (unsent || this.points.length) this.keep();
-    this.points = points.map(([x, y, bulge = 0, crab = 0]) => [x, y, bulge, crab]);
+    const next = points.map(([x, y, bulge = 0, crab = 0]) => [x, y, bulge, crab]);
+    // What comes back as it was sent is no step that could be undone.
+    if (JSON.stringify(next) !== JSON.stringify(this.points) && (unsent || this.points.length)) this.keep();
+    this.points = next;
     this.selected = -1;
     this.touch();
     this.unsent = unsent;
@@ -130,6 +132,17 @@ export function along(from, to) {
     const angle = start + (sweep * (i + 1)) / pieces;
     return i + 1 === pieces ? [to[0], to[1]] : [centre[0] + radius * Math.cos(angle), centre[1] + radius * Math.sin(angle)];
   });
+}
+
+/** Length of a path, m. */
+export function length(points) {
+  let sum = 0;
+  let last = points[0];
+  for (const point of points.slice(1).flatMap((to, i) => along(points[i], to))) {
+    sum += Math.hypot(point[0] - last[0], point[1] - last[1]);
+    last = point;
+  }
+  return sum;
 }
 
 /** Waypoints of a CSV file with a header x,y[,bulge[,crab_rad]]; throws a line that says where and what. */

@@ -3,8 +3,13 @@
 const SECONDS = 60;
 /** Samples that are kept: 30 a second. */
 const HELD = 2000;
-/** Less than that is drawn flat: mm or mm/s. */
+/** The least that an axis reaches over: mm or mm/s. */
 const LEAST_SPAN = 1;
+/** Steps between the labels of an axis. */
+const MOST_STEPS = 3;
+
+/** Decades of the bars that have each a label. */
+const MOST_DECADES = 4;
 
 function colour(name) {
   return getComputedStyle(document.body).getPropertyValue(`--${name}`).trim();
@@ -23,6 +28,19 @@ export function lineSample(ink, dash, width = 2.5) {
   return svg;
 }
 
+/** Labels of an axis that reaches over low, high and nought: round numbers, the outermost at its ends. */
+export function labels(low = 0, high = 0) {
+  [low, high] = [Math.min(low, 0), Math.max(high, 0)];
+  if (high - low < LEAST_SPAN) [low, high] = [Math.min(low, -LEAST_SPAN / 2), Math.max(high, LEAST_SPAN / 2)];
+  const decade = 10 ** Math.floor(Math.log10((high - low) / MOST_STEPS));
+  // The finest that needs no more labels than there is room for: two steps then, or more.
+  for (const step of [1, 2, 2.5, 5, 10, 20].map((n) => n * decade)) {
+    const [from, to] = [Math.floor(low / step + 1e-6), Math.ceil(high / step - 1e-6)];
+    if (to - from <= MOST_STEPS) return Array.from({ length: to - from + 1 }, (_, i) => +((from + i) * step).toPrecision(6));
+  }
+  return [low, 0, high];
+}
+
 /** Says so where there is nothing to be seen. */
 function mark(host, full) {
   if (full) delete host.dataset.empty;
@@ -31,10 +49,11 @@ function mark(host, full) {
 
 /** A plot of values over time, newest at the right. */
 export class Strip {
-  constructor(host, series, { zero = false } = {}) {
+  constructor(host, series, unit) {
     this.host = host;
     this.names = series;
-    this.zero = zero;
+    this.unit = unit;
+    this.labels = labels();
     this.data = [[], ...series.map(() => [])];
     this.legend();
     this.build();
@@ -67,11 +86,11 @@ export class Strip {
     this.plot = new uPlot(
       {
         ...this.size(),
-        padding: [6, 8, 0, 0],
+        padding: [8, 8, 0, 0],
         cursor: { drag: { x: false, y: false } },
         legend: { show: false },
         scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
-        axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 44 }],
+        axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 60, splits: () => this.labels, values: (_, ticks) => ticks.map((t, i) => (i + 1 < ticks.length ? `${t}` : `${t} ${this.unit}`)) }],
         series: [
           {},
           ...this.names.map(({ label, ink, dash, width = 1.8 }) => ({ label, stroke: colour(ink), width, dash, points: { show: false } })),
@@ -83,10 +102,8 @@ export class Strip {
   }
 
   range(low, high) {
-    if (low == null || !Number.isFinite(low)) return [0, 1];
-    if (this.zero) low = Math.min(0, low);
-    const margin = Math.max((high - low) * 0.08, LEAST_SPAN / 2);
-    return [this.zero && low === 0 ? 0 : low - margin, high + margin];
+    this.labels = Number.isFinite(low) && Number.isFinite(high) ? labels(low, high) : labels();
+    return [this.labels[0], this.labels.at(-1)];
   }
 
   push(t, values) {
@@ -155,7 +172,7 @@ export class Bars {
     const [left, bottom, top] = [34, 18, 16];
     const tallest = Math.max(1, ...this.buckets.map(([, n]) => n));
     const decades = Math.max(1, Math.ceil(Math.log10(tallest + 1)));
-    const wide = (width - left - 4) / this.buckets.length;
+    const wide = (width - left - 14) / this.buckets.length;
     const up = (n) => (n > 0 ? ((height - bottom - top) * Math.log10(n + 1)) / decades : 0);
     for (let d = 0; d <= decades; d++) {
       const y = height - bottom - up(10 ** d - 1);
@@ -165,6 +182,8 @@ export class Bars {
       c.lineTo(width, y + 0.5);
       c.stroke();
       c.textAlign = "right";
+      // Every other one, where there are many.
+      if (decades > MOST_DECADES && (decades - d) % 2) continue;
       c.fillText(d === 0 ? "0" : `10${[..."⁰¹²³⁴⁵⁶⁷⁸⁹"][d] ?? ""}`, left - 4, y + 4);
     }
     this.buckets.forEach(([bound, n], i) => {

@@ -21,8 +21,9 @@ export function stateOf(s) {
   if (s.gone) return ["fault", "ROBOT IS DOWN"];
   if (s.fault) return ["fault", "FAULT"];
   if (s.mode === "e-stop") return ["estop", "EMERGENCY STOP"];
-  if (s.mode === "stop" || s.halted) return ["stopped", s.speed_mps || s.omega_radps ? "STOPPING" : "STOPPED"];
+  // Halted, and nothing to be resumed: it is armed, as from the beginning.
   if (s.mode === "disarmed") return ["disarmed", "DISARMED"];
+  if (s.mode === "stop" || s.halted) return ["stopped", s.speed_mps || s.omega_radps ? "STOPPING" : "STOPPED"];
   if (s.mode !== "armed") return ["unknown", s.mode.toUpperCase()];
   if (s.path_state === "arrived") return ["arrived", "ARRIVED"];
   if (s.path_state !== "tracking") return ["ready", "ARMED, NO PATH"];
@@ -33,6 +34,7 @@ export function stateOf(s) {
 export class StatePanel {
   constructor() {
     this.last = null;
+    this.restarts = 0; // of all processes
     this.at = 0;
     this.link = "lost"; // until something is heard
     this.refusal = null;
@@ -82,7 +84,7 @@ export class StatePanel {
     put("waypoint", s.waypoints ? `${s.waypoint} of ${s.waypoints - 1}` : "no path");
     put("time", `${s.time_s.toFixed(1)} s`);
     showLaw(s.law);
-    figures(s);
+    figures(s, this.restarts);
   }
 
   /** What cannot be done now cannot be pressed; STOP and e-stop always can. */
@@ -91,8 +93,9 @@ export class StatePanel {
     const off = !s || s.gone || ["lost", "refused"].includes(this.link);
     const latched = s?.mode === "e-stop";
     $("arm").disabled = off || latched || s.mode === "armed";
-    $("pause").textContent = state === "stopped" && s.path_state === "tracking" ? "Resume" : "Pause";
-    $("pause").disabled = off || !["driving", "stopped"].includes(state);
+    const resumable = state === "stopped" && s.path_state === "tracking";
+    $("pause").textContent = resumable ? "Resume" : "Pause";
+    $("pause").disabled = off || !(state === "driving" || resumable);
     $("reset").disabled = off || !latched;
     $("run").disabled = off || latched;
     $("law").disabled = off || $("law").dataset.busy === "yes";
@@ -123,19 +126,27 @@ function showLaw(law) {
   menu.value = law;
 }
 
-function figures(s) {
+/** Degrees in (−180, 180]. */
+export function degrees(rad) {
+  const text = fixed((Math.atan2(Math.sin(rad), Math.cos(rad)) * 180) / Math.PI, 1);
+  return text === "-180.0" ? "180.0" : text;
+}
+
+function figures(s, restarts) {
+  // What is no nought of these is set off.
+  const count = (n, unit = "") => [`${n}${unit}`, n > 0];
   const list = [
     ["Pose x, y", s.pose ? `${mm(s.pose.x, 0)}, ${mm(s.pose.y, 0)} mm` : "–"],
-    ["Heading", s.pose ? `${fixed((s.pose.theta * 180) / Math.PI, 1)}°` : "–"],
+    ["Heading", s.pose ? `${degrees(s.pose.theta)}°` : "–"],
     ["Speed", `${mm(s.speed_mps)} mm/s`],
     ["Yaw rate", `${fixed(s.omega_radps, 2)} rad/s`],
     ["Cross-track, estimate", s.cross_track_m == null ? "–" : `${mm(s.cross_track_m)} mm`],
     ["Cross-track, truth", s.cross_track_truth_m == null ? "–" : `${mm(s.cross_track_truth_m)} mm`],
-    ["Commands late", `${s.commands_late}`],
-    ["Commands refused", `${s.commands_rejected}`],
-    ["Without command", `${s.cycles_without_command} cycles`],
-    ["Host pauses", `${s.paused_ticks} ms`],
-    ["In charge", s.law ?? "nobody"],
+    ["Commands late", ...count(s.commands_late)],
+    ["Commands refused", ...count(s.commands_rejected)],
+    ["Without command", ...count(s.cycles_without_command, " cycles")],
+    ["Host pauses", ...count(s.paused_ticks, " ms")],
+    ["Restarts", ...count(restarts)],
     ["Stands by", s.standby ?? "nobody"],
   ];
   const host = $("numbers");
@@ -146,8 +157,9 @@ function figures(s) {
       return box;
     }));
   }
-  list.forEach(([, value], i) => {
+  list.forEach(([, value, off = false], i) => {
     const cell = host.children[i].lastElementChild;
+    cell.toggleAttribute("data-off", off);
     if (cell.textContent !== value) cell.textContent = cell.title = value;
   });
 }

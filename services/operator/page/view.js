@@ -1,9 +1,11 @@
 // Where the world lies on the canvas: x to the right, y up, metres.
 
 export class View {
-  constructor(canvas, changed) {
+  /** `margins()` tells what of the canvas' edges is covered, px: top, bottom, side. */
+  constructor(canvas, changed, margins) {
     this.canvas = canvas;
     this.changed = changed;
+    this.margins = margins;
     this.scale = 400; // pixels a metre
     this.x = 0;
     this.y = 0; // world point in the middle
@@ -32,6 +34,11 @@ export class View {
     return [this.x + (px - this.width / 2) / this.scale, this.y - (py - this.height / 2) / this.scale];
   }
 
+  shows(x, y) {
+    const [px, py] = this.toScreen(x, y);
+    return px >= 0 && py >= 0 && px <= this.width && py <= this.height;
+  }
+
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
     this.scale = Math.min(1e5, Math.max(0.5, this.scale * factor));
@@ -53,11 +60,11 @@ export class View {
   /** Shows a box [x0, y0, x1, y1] whole, in another size of the window as well. */
   fit(box) {
     const [x0, y0, x1, y1] = box;
-    const margin = 48;
+    const { top, bottom, side } = this.margins();
     const span = (a, b) => Math.max(b - a, 0.2);
-    this.scale = Math.min((this.width - margin) / span(x0, x1), (this.height - margin) / span(y0, y1));
+    this.scale = Math.min((this.width - 2 * side) / span(x0, x1), (this.height - top - bottom) / span(y0, y1));
     this.scale = Math.min(4000, Math.max(0.5, this.scale));
-    this.centre((x0 + x1) / 2, (y0 + y1) / 2);
+    this.centre((x0 + x1) / 2, (y0 + y1) / 2 + (top - bottom) / 2 / this.scale);
     this.box = box;
   }
 }

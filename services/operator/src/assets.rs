@@ -32,6 +32,7 @@ pub const ASSETS: &[Asset] = &[
     asset!("/link.js", SCRIPT, "link.js"),
     asset!("/log.js", SCRIPT, "log.js"),
     asset!("/map.js", SCRIPT, "map.js"),
+    asset!("/notices.js", SCRIPT, "notices.js"),
     asset!("/path.js", SCRIPT, "path.js"),
     asset!("/hands.js", SCRIPT, "hands.js"),
     asset!("/plots.js", SCRIPT, "plots.js"),

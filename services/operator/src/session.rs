@@ -2,8 +2,8 @@
 
 use crate::Source;
 use crate::live::Seen;
-use crate::message::{Answer, Order};
-use crate::mouth::Mouth;
+use crate::message::{Answer, MAX_MESSAGE, Order};
+use crate::mouth::{Mouth, is_too_big};
 use crate::orders::{Desk, Rate};
 use crate::presence::Visit;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
@@ -36,16 +36,19 @@ const UNDER_WAY: usize = 32;
 pub async fn converse(socket: WebSocket, source: Arc<dyn Source>, desk: Arc<Desk>, visit: Visit) {
     let (sink, stream) = socket.split();
     let (answers, waiting) = channel(ANSWERS);
-    let ear = Ear::new(desk, answers);
-    tokio::select! {
-        () = tell(Mouth::new(sink), source, waiting) => {}
-        () = ear.hear(stream, &visit) => {}
-        () = visit.end.notified() => {}
+    let (mut mouth, ear) = (Mouth::new(sink), Ear::new(desk, answers));
+    let too_big = tokio::select! {
+        () = tell(&mut mouth, source, waiting) => false,
+        too_big = ear.hear(stream, &visit) => too_big,
+        () = visit.end.notified() => false,
+    };
+    if too_big {
+        mouth.too_big(MAX_MESSAGE).await;
     }
 }
 
 /// Tells what changes, and the answers first.
-async fn tell(mut mouth: Mouth, source: Arc<dyn Source>, mut answers: Receiver<Utf8Bytes>) {
+async fn tell(mouth: &mut Mouth, source: Arc<dyn Source>, mut answers: Receiver<Utf8Bytes>) {
     let mut seen = Seen::default();
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -99,13 +102,18 @@ impl Ear {
         }
     }
 
-    async fn hear(mut self, mut stream: SplitStream<WebSocket>, visit: &Visit) {
-        while let Ok(Some(Ok(message))) = timeout(SILENCE, stream.next()).await {
+    /// Until the page goes; true if it is not listened to any more because of a message that is too long.
+    async fn hear(mut self, mut stream: SplitStream<WebSocket>, visit: &Visit) -> bool {
+        while let Ok(Some(heard)) = timeout(SILENCE, stream.next()).await {
+            let message = match heard {
+                Ok(message) => message,
+                Err(error) => return is_too_big(&error),
+            };
             let now = Instant::now();
             let length = match &message {
                 Message::Text(text) => text.len(),
                 Message::Binary(bytes) | Message::Ping(bytes) | Message::Pong(bytes) => bytes.len(),
-                Message::Close(_) => return,
+                Message::Close(_) => return false,
             };
             let wait = self.bytes.owe(length as f64, now).max(self.messages.owe(1.0, now));
             match message {
@@ -119,6 +127,7 @@ impl Ear {
                 sleep(wait).await;
             }
         }
+        false
     }
 
     async fn answer(&self, id: Option<u64>, answer: Answer) {

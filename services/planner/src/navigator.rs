@@ -1,6 +1,6 @@
 //! From a goal to a path, with or without a map: what the planner process asks.
 
-use crate::goal::{check_crab, check_goal, check_path, direct_path};
+use crate::goal::{PathRefusal, check_crab, check_goal, check_path, direct_path};
 use crate::{Budget, ClearanceField, FitSettings, Map, Plan, Planner, PlannerSettings, Refusal, fit};
 use hilare_interfaces::geometry::WorldPoint;
 use hilare_interfaces::messages::{GoalKind, MAX_WAYPOINTS, Waypoint};
@@ -43,11 +43,11 @@ impl Navigator {
         robot: WorldPoint,
         budget: &mut dyn Budget,
     ) -> Result<Vec<Waypoint>, String> {
-        check_crab(waypoints, self.omnidirectional).map_err(|e| e.to_string())?;
+        check_crab(waypoints, self.omnidirectional).map_err(|refusal| named(refusal, kind))?;
         let (Some(planner), GoalKind::Point, Some(goal)) = (&mut self.planner, kind, waypoints.first())
         else {
             let path = direct_path(kind, waypoints, robot, self.acceptance_radius_m);
-            return self.fitted(path.map_err(|e| e.to_string())?);
+            return self.fitted(path.map_err(|refusal| named(refusal, kind))?);
         };
         check_goal(goal.point(), robot, self.acceptance_radius_m).map_err(|e| e.to_string())?;
         planner
@@ -80,6 +80,14 @@ impl Navigator {
     /// The planner, if there is a map.
     pub fn planner(&self) -> Option<&Planner> {
         self.planner.as_ref()
+    }
+}
+
+/// A refusal of a path with the waypoint that it is about, counted from 0; a goal is one point.
+fn named(refusal: PathRefusal, kind: GoalKind) -> String {
+    match refusal.index() {
+        Some(index) if kind == GoalKind::Follow => format!("waypoint {index}: {refusal}"),
+        _ => refusal.to_string(),
     }
 }
 

@@ -13,6 +13,7 @@ use super::super::join::{Peer, send_with};
 use super::{Call, MAX_REQUEST, PATIENCE, Request, Response};
 use crossbeam_channel::{Receiver, Select, TryRecvError, bounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::sockopt::socket_peercred;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
@@ -165,8 +166,10 @@ impl Server {
         }
         let joins = matches!(request, Request::Join(_));
         let peer = joins.then(|| Peer::of(&caller.stream).ok()).flatten();
+        let credentials = socket_peercred(&caller.stream).ok();
+        let from = credentials.map(|peer| peer.pid.as_raw_nonzero().get().unsigned_abs());
         let (reply, answer) = bounded(1);
-        deliver(Call { request, peer, reply });
+        deliver(Call { request, peer, from, reply });
         self.waiting.push(Waiting { stream: caller.stream, answer, deadline: Instant::now() + PATIENCE });
     }
 

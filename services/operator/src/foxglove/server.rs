@@ -24,7 +24,7 @@ use tokio::sync::Notify;
 /// Viewers at once; where there are more the oldest goes.
 const MAX_VIEWERS: usize = 16;
 /// Longest message of a viewer.
-const MAX_MESSAGE: usize = 64 << 10;
+pub const MAX_MESSAGE: usize = 64 << 10;
 
 /// Who decides about viewers.
 pub trait Gate: Send + Sync + 'static {

@@ -2,7 +2,8 @@
 
 use super::feed::{Feed, Seen};
 use super::protocol::{Level, Request, Subscription, advertise, message_data, parse, server_info, status};
-use crate::mouth::Mouth;
+use super::server::MAX_MESSAGE;
+use crate::mouth::{Mouth, is_too_big};
 use crate::orders::Rate;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::StreamExt;
@@ -79,14 +80,17 @@ pub async fn converse(socket: WebSocket, feed: Arc<Feed>, session: Arc<str>) {
     }
     let followed = Mutex::default();
     let (words, waiting) = channel(WORDS);
-    tokio::select! {
-        () = tell(mouth, &feed, &followed, waiting) => {}
-        () = hear(stream, &feed, &followed, words) => {}
+    let too_big = tokio::select! {
+        () = tell(&mut mouth, &feed, &followed, waiting) => false,
+        too_big = hear(stream, &feed, &followed, words) => too_big,
+    };
+    if too_big {
+        mouth.too_big(MAX_MESSAGE).await;
     }
 }
 
 /// Tells what comes, and words first.
-async fn tell(mut mouth: Mouth, feed: &Feed, followed: &Mutex<Followed>, mut words: Receiver<String>) {
+async fn tell(mouth: &mut Mouth, feed: &Feed, followed: &Mutex<Followed>, mut words: Receiver<String>) {
     let mut look = interval(LOOK);
     look.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -113,16 +117,20 @@ async fn tell(mut mouth: Mouth, feed: &Feed, followed: &Mutex<Followed>, mut wor
     }
 }
 
-/// Hears what a viewer asks for; what cannot be is answered.
+/// Hears what a viewer asks for; what cannot be is answered. True if it ends because of a message that is too long.
 async fn hear(
     mut stream: SplitStream<WebSocket>,
     feed: &Feed,
     followed: &Mutex<Followed>,
     words: Sender<String>,
-) {
+) -> bool {
     let (mut messages, mut bytes) =
         (Rate::new(MESSAGES_PER_S, MESSAGES_PER_S), Rate::new(BYTES_PER_S, BYTES_PER_S));
-    while let Ok(Some(Ok(message))) = timeout(SILENCE, stream.next()).await {
+    while let Ok(Some(heard)) = timeout(SILENCE, stream.next()).await {
+        let message = match heard {
+            Ok(message) => message,
+            Err(error) => return is_too_big(&error),
+        };
         let now = Instant::now();
         let (length, wrong) = match &message {
             Message::Text(text) => (text.len(), take(text.as_str(), feed, followed)),
@@ -130,12 +138,12 @@ async fn hear(
                 (bytes.len(), vec!["this is a view to look at; it takes no binary messages".to_owned()])
             }
             Message::Ping(bytes) | Message::Pong(bytes) => (bytes.len(), Vec::new()),
-            Message::Close(_) => return,
+            Message::Close(_) => return false,
         };
         for why in wrong {
             // A viewer that does not take its words is not listened to meanwhile.
             if words.send(status(Level::Error, &why)).await.is_err() {
-                return;
+                return false;
             }
         }
         let wait = bytes.owe(length as f64, now).max(messages.owe(1.0, now));
@@ -143,6 +151,7 @@ async fn hear(
             sleep(wait).await;
         }
     }
+    false
 }
 
 /// Does what a text asks for; what is wrong with it.
