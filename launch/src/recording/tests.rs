@@ -165,7 +165,8 @@ fn time_goes_with_the_ticks_and_what_has_none_goes_with_the_newest() {
     tape.hear(Heard::Authority(&Authority::ZERO));
     assert!(tape.finish(None).complete);
     let timed: Vec<Timed> = Recording::open(&file).unwrap().entries().map(Result::unwrap).collect();
-    let began = timed[0].log_time_ns;
+    let began = timed[1].log_time_ns;
+    assert!(timed[0].log_time_ns <= began);
     assert!(matches!(&timed[0].entry, Entry::Path(_, waypoints) if waypoints.len() == 3));
     for (n, steps) in timed[1..=10].iter().enumerate() {
         assert_eq!(steps.log_time_ns, began + n as u64 * 1_000_000);
