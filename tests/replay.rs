@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 use support::process::signal;
-use support::{Lab, PATIENCE, Running, number, pid_of, quick, text, wait_until, whole_machine};
+use support::{Lab, PATIENCE, PATIENT, Running, number, pid_of, quick, text, wait_until, whole_machine};
 
 /// Scenarios that every installation has.
 const SCENARIOS: [&str; 10] = [
@@ -39,16 +39,11 @@ struct Drive<'l> {
 impl<'l> Drive<'l> {
     fn begin(lab: &'l Lab, more: &[&str]) -> Self {
         let robot = lab.robot();
-        let path = lab.file(
-            "laps.csv",
-            format!("x,y\n0.2,0.2\n{}", "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n".repeat(20)),
-        );
+        let path = lab.laps(20);
         let dir = lab.dir().join("report");
-        let mut command = lab.command(&["run", "rectangle", "--path", &path.to_string_lossy()]);
+        let mut command = lab.command(&["run", "rectangle", "--path", &path]);
         command.args(["--robot", &robot, "--start", "0.2,0.2,0", "--out", &dir.to_string_lossy()]);
-        // A busy machine is no reason to stop, nor to give a process up.
-        command.args(["--set", "timing.pause_stop_ticks=0", "--set", "supervision.restart_budget=100"]);
-        command.args(["--set", "supervision.hung_after_s=5"]).args(more);
+        command.args(PATIENT).args(more);
         let run = Running::start(command);
         let drive = Self { lab, robot, run, dir };
         drive.goes_on("it drives");
@@ -65,28 +60,11 @@ impl<'l> Drive<'l> {
 
     /// Waits for half a second of the drive.
     fn goes_on(&self, what: &str) {
-        let from = std::cell::Cell::new(None);
-        self.lab.await_status(&self.robot, what, |status| {
-            let tick = number(status, "tick");
-            if from.get().is_none() && tick > 0.0 {
-                from.set(Some(tick));
-            }
-            from.get().is_some_and(|from| tick > from + 500.0)
-        });
+        self.lab.await_ticks(&self.robot, what, 500.0);
     }
 
     fn kill(&self, process: &str) {
-        let old = pid_of(&self.status(), process);
-        signal(old, Signal::KILL);
-        self.lab.await_status(&self.robot, &format!("a successor of {process}"), |status| {
-            let processes = status["processes"].as_array().into_iter().flatten();
-            processes.into_iter().any(|found| {
-                let working = found["state"] != "starting" && found["state"] != "restarting";
-                found["name"] == process
-                    && working
-                    && found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old))
-            })
-        });
+        self.lab.replace(&self.robot, process);
         self.goes_on(&format!("ticks after the death of {process}"));
     }
 

@@ -50,6 +50,16 @@ impl Role {
         Self::Operator,
     ];
 
+    /// The boxes of the control diagram, the simulated robot among them, in its order.
+    pub const BOXES: [Self; 6] = [
+        Self::Planner,
+        Self::WaypointSelector,
+        Self::Controller,
+        Self::StepGenerator,
+        Self::PoseEstimator,
+        Self::Plant,
+    ];
+
     /// Name in commands, files and folders.
     pub const fn name(self) -> &'static str {
         match self {

@@ -10,7 +10,7 @@ use midway::{Midway, compared};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::path::Path;
-use support::{Running, number, whole_machine};
+use support::{PATIENT, Running, number, whole_machine};
 
 /// Whatever may happen on the way.
 fn adventures(midway: &Midway) {
@@ -20,7 +20,7 @@ fn adventures(midway: &Midway) {
     midway.tell(&["swap", "controller", "qp"]).expect_code(0);
     midway.goes_on("with another law");
     for process in ["planner", "waypoint_selector", "pose_estimator", "controller"] {
-        midway.kill(process);
+        midway.lab.replace(&midway.robot, process);
         midway.goes_on(&format!("after the death of {process}"));
     }
     midway.tell(&["swap", "waypoint_selector", "--set", "tracking.speed_mps=0.03"]).expect_code(0);
@@ -37,14 +37,14 @@ fn in_real_time() -> (Midway, bool) {
     let midway = Midway::new();
     midway.up(&["--standby", "kanayama"]);
     midway.tell(&["arm"]).expect_code(0);
-    midway.tell(&["follow", &midway.laps(20)]).expect_code(0);
+    midway.tell(&["follow", &midway.lab.laps(20)]).expect_code(0);
     midway.tell(&["param", "set", "controller.kanayama.k1_per_s=1.5"]).expect_code(0);
     midway.goes_on("it drives");
     let recorder = midway.record();
     adventures(&midway);
     midway.tell(&["goal", "0.4", "0.4"]).expect_code(0);
     midway.goes_on("it drives to the goal");
-    midway.kill("step_generator");
+    midway.lab.replace(&midway.robot, "step_generator");
     midway.tell(&["arm"]).expect_code(0);
     midway.goes_on("it drives again");
     midway.tell(&["stop"]).expect_code(0);
@@ -126,11 +126,11 @@ fn sensors_servos_and_a_camera_are_met_in_mid_drive_too() {
         let midway = whole(|| {
             let midway = Midway::new();
             let args = ["run", scenario, "--robot", &midway.robot, "--no-recording", "--out", "report"];
-            let run = midway.lab.start(&[&args[..], &midway::PATIENT, more].concat());
+            let run = midway.lab.start(&[&args[..], &PATIENT, more].concat());
             midway.goes_on("it drives");
             let recorder = midway.record();
             midway.goes_on("it drives on");
-            midway.kill("pose_estimator");
+            midway.lab.replace(&midway.robot, "pose_estimator");
             midway.goes_on("it drives on with a successor");
             let whole = midway.ended_whole(recorder);
             end(run);
@@ -153,7 +153,7 @@ fn begun_before_the_robot_is_armed_a_recording_is_whole_and_can_be_driven_again(
         midway.tell(&[&["param", "set"], &keys[..]].concat()).expect_code(0);
         let recorder = midway.record();
         midway.tell(&["arm"]).expect_code(0);
-        midway.tell(&["follow", &midway.laps(20)]).expect_code(0);
+        midway.tell(&["follow", &midway.lab.laps(20)]).expect_code(0);
         midway.goes_on("it drives");
         midway.tell(&["param", "set", "tracking.speed_mps=0.04"]).expect_code(0);
         midway.goes_on("it drives on");

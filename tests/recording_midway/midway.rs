@@ -1,7 +1,6 @@
 //! A robot that is up, its recording, and what a replay makes of it.
 
-use crate::support::process::signal;
-use crate::support::{Ended, Lab, PATIENCE, Running, number, pid_of, text, wait_until};
+use crate::support::{Ended, Lab, PATIENCE, PATIENT, Running, number, text, wait_until};
 use hilare::config::System;
 use hilare::recording::{Entry, Recording, Settings, Tape};
 use hilare::shell::standing::Stand;
@@ -10,16 +9,6 @@ use rustix::process::Signal;
 use serde_json::Value;
 use std::fs;
 use std::path::PathBuf;
-
-/// A busy machine is no reason to stop, nor to give a process up.
-pub const PATIENT: [&str; 6] = [
-    "--set",
-    "timing.pause_stop_ticks=0",
-    "--set",
-    "supervision.restart_budget=100",
-    "--set",
-    "supervision.hung_after_s=5",
-];
 
 /// A robot and its recording.
 pub struct Midway {
@@ -34,13 +23,6 @@ impl Midway {
         Self { robot: lab.robot(), file: lab.dir().join("midway.mcap"), lab }
     }
 
-    /// A path longer than any test.
-    pub fn laps(&self, laps: usize) -> String {
-        let lap = "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n";
-        let path = self.lab.file("laps.csv", format!("x,y\n0.2,0.2\n{}", lap.repeat(laps)));
-        path.to_string_lossy().into_owned()
-    }
-
     /// A robot in real time.
     pub fn up(&self, more: &[&str]) {
         let args = ["up", "epuck", "--detach", "--robot", &self.robot];
@@ -49,7 +31,7 @@ impl Midway {
 
     /// One in virtual time, which never rests.
     pub fn in_lockstep(&self, more: &[&str]) -> Running {
-        let laps = self.laps(400);
+        let laps = self.lab.laps(400);
         let args = ["run", "rectangle", "--path", &laps, "--start", "0.2,0.2,0", "--clock", "lockstep"];
         let place = ["--robot", &self.robot, "--no-recording", "--out", "report"];
         let run = self.lab.start(&[&args[..], &place, &PATIENT, more].concat());
@@ -61,20 +43,9 @@ impl Midway {
         self.lab.hilare(&[args, &["--robot", &self.robot]].concat())
     }
 
-    pub fn status(&self) -> Value {
-        self.lab.status(&self.robot).expect("it is up")
-    }
-
     /// Waits for a third of a second of the drive.
     pub fn goes_on(&self, what: &str) {
-        let from = std::cell::Cell::new(None);
-        self.lab.await_status(&self.robot, what, |status| {
-            let tick = number(status, "tick");
-            if from.get().is_none() && tick > 0.0 {
-                from.set(Some(tick));
-            }
-            from.get().is_some_and(|from| tick > from + 330.0)
-        });
+        self.lab.await_ticks(&self.robot, what, 330.0);
     }
 
     /// Begins the recording, and waits until it knows where the boxes stand.
@@ -101,20 +72,6 @@ impl Midway {
             assert_eq!(number(&report, "differing"), 0.0, "{report:#}");
         }
         ended.code == Some(0)
-    }
-
-    pub fn kill(&self, process: &str) {
-        let old = pid_of(&self.status(), process);
-        signal(old, Signal::KILL);
-        self.lab.await_status(&self.robot, &format!("a successor of {process}"), |status| {
-            let processes = status["processes"].as_array().into_iter().flatten();
-            processes.into_iter().any(|found| {
-                let working = found["state"] != "starting" && found["state"] != "restarting";
-                found["name"] == process
-                    && working
-                    && found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old))
-            })
-        });
     }
 
     pub fn stand(&self, role: &str) -> Option<Stand> {

@@ -17,6 +17,7 @@ pub mod web_socket;
 
 pub use process::{Ended, Running};
 
+use rustix::process::Signal;
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
@@ -35,6 +36,16 @@ pub fn whole_machine() -> MutexGuard<'static, ()> {
 
 /// How long anything may take before it counts as hung. Not a measure of speed.
 pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Keys of a robot that is driven on a busy machine: that is no reason to stop, nor to give a process up.
+pub const PATIENT: [&str; 6] = [
+    "--set",
+    "timing.pause_stop_ticks=0",
+    "--set",
+    "supervision.restart_budget=100",
+    "--set",
+    "supervision.hung_after_s=5",
+];
 
 /// A directory, a runtime directory and a family of robot names of its own.
 pub struct Lab {
@@ -87,6 +98,13 @@ impl Lab {
         self.file(&format!("straight-{length_m}.csv"), format!("x,y\n0,0\n{length_m},0\n"))
     }
 
+    /// So many laps of a rectangle that begins at 0.2, 0.2 m.
+    pub fn laps(&self, laps: usize) -> String {
+        let lap = "0.57,0.2\n0.57,0.48\n0.2,0.48\n0.2,0.2\n";
+        let path = self.file("laps.csv", format!("x,y\n0.2,0.2\n{}", lap.repeat(laps)));
+        path.to_string_lossy().into_owned()
+    }
+
     /// `program` with this laboratory's environment.
     pub fn command_of(&self, program: impl AsRef<std::ffi::OsStr>) -> Command {
         let mut command = Command::new(program);
@@ -126,6 +144,32 @@ impl Lab {
             last.as_ref().is_some_and(&wanted)
         });
         last.expect("wait_until saw it")
+    }
+
+    /// Waits for so many ticks of a robot, from now on.
+    pub fn await_ticks(&self, robot: &str, what: &str, ticks: f64) {
+        let from = std::cell::Cell::new(None);
+        self.await_status(robot, what, |status| {
+            let tick = number(status, "tick");
+            if from.get().is_none() && tick > 0.0 {
+                from.set(Some(tick));
+            }
+            from.get().is_some_and(|from| tick > from + ticks)
+        });
+    }
+
+    /// Kills a process of a robot and waits for its successor.
+    pub fn replace(&self, robot: &str, process: &str) {
+        let old = pid_of(&self.status(robot).expect("it is up"), process);
+        process::signal(old, Signal::KILL);
+        self.await_status(robot, &format!("a successor of {process}"), |status| {
+            let processes = status["processes"].as_array().into_iter().flatten();
+            processes.into_iter().any(|found| {
+                let working = found["state"] != "starting" && found["state"] != "restarting";
+                let new = found["pid"].as_i64().is_some_and(|pid| pid > 1 && pid != i64::from(old));
+                found["name"] == process && working && new
+            })
+        });
     }
 
     /// `summary.json` of a report directory.
@@ -169,7 +213,7 @@ impl Drop for Lab {
         // Twice: a launch may have been starting a worker.
         for _ in 0..2 {
             for (pid, _) in self.processes() {
-                process::signal(pid, rustix::process::Signal::KILL);
+                process::signal(pid, Signal::KILL);
             }
         }
         for file in self.shm_files() {

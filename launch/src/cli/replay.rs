@@ -3,9 +3,9 @@
 use super::{VerbResult, print, refused};
 use crate::manager::Failure;
 use crate::replay::collect::read;
+use crate::replay::replay as replay_boxes;
 use crate::replay::report::{ReplayReport, open_loop_text};
 use crate::replay::what_if::{WhatIf, check_keys, compare};
-use crate::replay::{BOXES, replay as replay_boxes};
 use clap::Args;
 use hilare_controller::{LAWS, LawSpec};
 use hilare_interfaces::wires::Role;
@@ -86,14 +86,14 @@ fn tell<T: Serialize>(args: &ReplayArgs, what: &T, text: fn(&T) -> String) -> Re
 }
 
 fn chosen_boxes(names: &[String]) -> Result<Vec<Role>, Failure> {
-    let known = || BOXES.map(Role::name).join(", ");
+    let known = || Role::BOXES.map(Role::name).join(", ");
     let find = |name: &String| {
-        let role = Role::from_name(&name.replace('-', "_")).filter(|role| BOXES.contains(role));
+        let role = Role::from_name(&name.replace('-', "_")).filter(|role| Role::BOXES.contains(role));
         role.ok_or_else(|| {
             refused(format!("--box {name}: there is no such box to replay; there are {}", known()))
         })
     };
-    if names.is_empty() { Ok(BOXES.to_vec()) } else { names.iter().map(find).collect() }
+    if names.is_empty() { Ok(Role::BOXES.to_vec()) } else { names.iter().map(find).collect() }
 }
 
 fn chosen_law(name: &str) -> Result<&'static LawSpec, Failure> {

@@ -86,9 +86,7 @@ impl Manager {
         while self.members.iter().any(|member| member.running.is_some()) {
             self.step(Duration::from_millis(5));
             let there = self.members.iter().filter(|member| member.running.is_some());
-            let first = there
-                .map(|member| Phase::leaves(member.role))
-                .fold(Phase::AllLeave, |first, next| if next < first { next } else { first });
+            let first = there.map(|member| Phase::leaves(member.role)).min().unwrap_or(Phase::AllLeave);
             // Whoever does not go keeps nobody else.
             let next = if started.elapsed() > LEAVE_PATIENCE / 4 { Phase::AllLeave } else { first };
             if next > self.page.phase() {

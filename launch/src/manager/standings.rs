@@ -7,16 +7,6 @@ use crate::shell::standing::{self, Stand};
 use hilare_interfaces::wires::Role;
 use serde::{Deserialize, Serialize};
 
-/// Boxes that have something to say.
-const BOXES: [Role; 6] = [
-    Role::Planner,
-    Role::WaypointSelector,
-    Role::Controller,
-    Role::StepGenerator,
-    Role::PoseEstimator,
-    Role::Plant,
-];
-
 /// What the boxes of a robot have answered.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Standings {
@@ -39,7 +29,7 @@ impl Manager {
         let asked = if asked == 0 { self.page.ask_standings() } else { asked };
         let mut standings = Standings { asked, ..Standings::default() };
         for (slot, member) in self.members.iter().enumerate() {
-            if !BOXES.contains(&member.role) || member.duty == Duty::Vacant || member.is_foreign() {
+            if !Role::BOXES.contains(&member.role) || member.duty == Duty::Vacant || member.is_foreign() {
                 continue;
             }
             match standing::read(&self.page, slot, member.role, asked) {

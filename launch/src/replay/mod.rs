@@ -35,23 +35,13 @@ use hilare_interfaces::wires::Role;
 use log::RunLog;
 use states::States;
 
-/// Boxes that can be replayed, in the diagram's order.
-pub const BOXES: [Role; 6] = [
-    Role::Planner,
-    Role::WaypointSelector,
-    Role::Controller,
-    Role::StepGenerator,
-    Role::PoseEstimator,
-    Role::Plant,
-];
-
 /// Feeds boxes what was recorded and compares what they answer. `measures`: also how far numbers are off.
 pub fn replay(log: &RunLog, boxes: &[Role], measures: bool) -> Vec<BoxReport> {
     let mut states = States::new(log);
     let mut reports = Vec::new();
     // The step generator may have to know what they said.
     let (mut of_controllers, lost) = boxes::controller::replay(log, &mut states, measures);
-    for role in BOXES.into_iter().filter(|role| boxes.contains(role)) {
+    for role in Role::BOXES.into_iter().filter(|role| boxes.contains(role)) {
         let mut report = match role {
             Role::Planner => vec![boxes::planner::replay(log)],
             Role::WaypointSelector => vec![boxes::waypoint_selector::replay(log, &mut states, measures)],

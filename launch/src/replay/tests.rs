@@ -7,7 +7,7 @@ use super::collect::Collector;
 use super::in_process::journal;
 use super::log::{Messages, RunLog, Title};
 use super::report::ReplayReport;
-use super::{BOXES, replay, what_if};
+use super::{replay, what_if};
 use crate::config::{Scenario, System, Task};
 use crate::shell::in_process::InProcess;
 use crate::shell::{ClockKind, build};
@@ -66,7 +66,7 @@ fn every_kind_of_robot_replays_to_its_own_bits() {
             + messages.commands.len()
             + messages.wheels.len()
             + messages.fixes.len();
-        let reports = replay(&log_of(&system, messages), &BOXES, false);
+        let reports = replay(&log_of(&system, messages), &Role::BOXES, false);
         assert_eq!(differing(&reports), [] as [&str; 0], "{scenario} {set:?}");
         let compared: u64 = reports
             .iter()
@@ -108,7 +108,7 @@ fn each_flip<M: WireMessage>(
             if twice > 1 {
                 continue;
             }
-            let reports = replay(&log_of(&system, other), &BOXES, false);
+            let reports = replay(&log_of(&system, other), &Role::BOXES, false);
             let found = differing(&reports);
             assert!(!found.is_empty(), "{wire} {place} bit {bit}: {reports:#?}");
             let named =
@@ -143,12 +143,12 @@ fn another_parameter_or_law_is_another_run() {
     ];
     for (change, changed) in changes {
         let other = log.clone().changed(&[change.to_owned()], None).expect("a key");
-        let found = differing(&replay(&other, &BOXES, true));
+        let found = differing(&replay(&other, &Role::BOXES, true));
         assert!(found.iter().any(|line| line.starts_with(changed)), "{change}: {found:?}");
     }
     let law = hilare_controller::law("stanley");
     let other = log.changed(&[], law).expect("a law");
-    let reports = replay(&other, &BOXES, true);
+    let reports = replay(&other, &Role::BOXES, true);
     let controller = reports.iter().find(|report| report.name.contains("stanley")).expect("it");
     assert!(controller.differing() > 100 && controller.wires[0].deviations.iter().any(|d| d.rms > 0.0));
 }
@@ -173,7 +173,7 @@ fn what_the_recording_lacks_is_not_a_difference() {
         // The journal is noted, whatever is lost.
         other.journal = journal(Some(&system), &messages);
         lose(&mut other);
-        let reports = replay(&log_of(&system, other), &BOXES, false);
+        let reports = replay(&log_of(&system, other), &Role::BOXES, false);
         assert_eq!(differing(&reports), [] as [&str; 0], "{what}");
         let compared: u64 = reports.iter().map(BoxReport::compared).sum();
         assert!(compared > 3_000, "{what}: {compared}");
@@ -379,7 +379,7 @@ fn the_verdict_says_how_much_was_not_compared() {
     let (system, messages) = recorded("rectangle", &[], 2_000);
     let verdict = |messages: Messages| {
         let log = log_of(&system, messages);
-        let text = ReplayReport::new(&log, Vec::new(), replay(&log, &BOXES, false)).to_text();
+        let text = ReplayReport::new(&log, Vec::new(), replay(&log, &Role::BOXES, false)).to_text();
         text.lines().last().unwrap_or_default().to_owned()
     };
     // The path is from outside.

@@ -28,7 +28,7 @@ pub const MAX_WAIT: Duration = Duration::from_millis(50);
 pub const PAGE_FD: &str = "HILARE_PAGE_FD";
 
 /// Where the system as a whole is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phase {
     /// Workers open their ports.
     Starting = 0,
